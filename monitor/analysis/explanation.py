@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 
-from daq import Recording
 from monitor.analysis.event import Event, event_of
 from monitor.analysis.observation import Observation
 from monitor.analysis.states.stationarity import of_one_state
@@ -29,7 +28,7 @@ from updater import (
     sensor_health,
 )
 from updater.diagnosis import OnCause, ReferenceStep, allowed_causes, say_nothing
-from updater.modal_data import Effort, KnownMass
+from updater.modal_data import Effort, KnownMass, Signals
 from updater.quantities import Where
 from updater.structure import ON_MEMBER, Updating
 from updater.validation import SensorHealth, breathing, with_acting, with_cracks
@@ -134,7 +133,11 @@ def explain(
     with _blamed_on("current"):
         event = _event(reference, now, before)
         work = replace(effort or Effort(), record=event.circumstances.effort.record)
-        event = replace(event, circumstances=replace(event.circumstances, known_masses=known, effort=work))
+        signals = None
+        if before and now.sample:
+            signals = Signals(now=now.sample, before=before.sample, heldout=heldout.sample if heldout else None)
+        own = replace(event.circumstances, known_masses=known, effort=work, signals=signals)
+        event = replace(event, circumstances=own)
         explained = diagnose(
             reference,
             event.modes,
@@ -146,8 +149,7 @@ def explain(
             only=only,
             without=without,
         )
-    if before and now.sample:
-        signals = BreathingSignals(now.sample, before.sample, heldout.sample if heldout else None)
+    if signals:
         explained = with_breathing(explained, reference, event.modes, signals)
     return Explanation(
         explained=explained,
@@ -159,18 +161,7 @@ def explain(
     )
 
 
-@dataclass(frozen=True)
-class BreathingSignals:
-    """Signals with which a loss of stiffness is tested for opening and closing."""
-
-    now: Recording  #: of a window with the loss
-    before: Recording | None  #: of a window without it
-    heldout: Recording | None = None  #: of a further window with it, which is predicted
-
-
-def with_breathing(
-    found: DiagnosisResult, reference: Reference, event: ModalMean, signals: BreathingSignals
-) -> DiagnosisResult:
+def with_breathing(found: DiagnosisResult, reference: Reference, event: ModalMean, signals: Signals) -> DiagnosisResult:
     """Return a diagnosis whose losses of stiffness state how far they close; the extended model contains the cracks."""
     recordings = signals.now, signals.before, signals.heldout
 

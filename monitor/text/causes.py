@@ -13,7 +13,16 @@ from monitor.text.cause_list import listed_causes
 from monitor.text.quantities import MIN_P, counted, plain, share_text
 from updater import Cause, Diagnosis, Gain
 from updater.diagnosis import CalibrationSummary, Failed, FittedCause, Pair
-from updater.quantities import ECCENTRIC, FREQUENCY_STD, NonlinearGain, ParameterChange, Quantity, Vector, Where
+from updater.quantities import (
+    ECCENTRIC,
+    FREQUENCY_STD,
+    Breathing,
+    NonlinearGain,
+    ParameterChange,
+    Quantity,
+    Vector,
+    Where,
+)
 
 if TYPE_CHECKING:
     from updater import MassChange, Structure
@@ -24,6 +33,7 @@ _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (0.0, ""))  # of forces and sti
 _FINE_PREFIXES = ((1e-1, 1.0, ""), (1e-4, 1e3, "m"), (1e-7, 1e6, "µ"), (0.0, 1e9, "n"))  # of flexibilities per kN
 _OPEN = 0.5  # standard deviation of a stiffness over itself: from there on it may be infinite
 _BOUND = 1.645  # standard deviations of a one-sided bound of 95 %
+_BY_MODES = "the signals decide: by the modes alone, another cause or no change is more probable"
 _CONSTANT = 0.3  # upper bound of the share of a flexibility that closes, below which it is stated not to
 _LOSSES = ("loss_about_local_y", "loss_about_local_z", "loss_in_twist")  # which "loss", the most of them, only repeats
 _SHARES = frozenset({"loss", *_LOSSES, "error", "damping"})  # parameters without a unit that are given in per cent
@@ -277,8 +287,14 @@ def alternative_texts(cause: Cause) -> list[str]:
 
 
 def breathing_text(cause: FittedCause) -> str:
-    """Return whether a loss of stiffness opens and closes; empty where that is not known."""
-    found = cause.breathing if isinstance(cause, Cause) else None
+    """Return whether a loss of stiffness opens and closes, and whether that decides; empty where it is not known."""
+    if not isinstance(cause, Cause):
+        return ""
+    decides = _BY_MODES if cause.signals and cause.signals.decides else ""
+    return "; ".join(filter(None, (_opening_text(cause.breathing), decides)))
+
+
+def _opening_text(found: Breathing | None) -> str:
     if found is None:
         return ""
     share = number_text(100 * found.share.value, 100 * found.share.std)
@@ -306,7 +322,7 @@ def probability_text(cause: Cause) -> str:
 
 def brief_text(cause: Cause) -> str:
     """Return a cause in one line; where the data cannot distinguish it from others, all of them without their sizes."""
-    closing = f" ({breathing_text(cause)})" if cause.breathing and cause.breathing.significant else ""
+    closing = f" ({_opening_text(cause.breathing)})" if cause.breathing and cause.breathing.significant else ""
     if not cause.cannot_be_told_from:
         return cause_text(cause) + closing
     fitted: dict[str, FittedCause] = {other.cause: other for other in (cause, *cause.alternatives)}

@@ -14,7 +14,7 @@ from monitor.text.diagnosis import diagnosis_answer
 from monitor.text.verdicts import is_one_mass
 from monitor.watch.baseline.learned_baseline import LearnedBaseline, LearnedModel
 from monitor.watch.baseline.modal_change import modal_change
-from monitor.watch.explanation import Signals, compare_windows, conditions_of, explain_windows, sensors_seen
+from monitor.watch.explanation import compare_windows, conditions_of, explain_windows, sensors_seen
 from updater import (
     DiagnosisResult,
     ModalDataError,
@@ -24,6 +24,7 @@ from updater import (
     Structure,
     locate_mass_with_forecast,
 )
+from updater.modal_data import Signals
 
 
 def answer(

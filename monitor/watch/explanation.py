@@ -1,12 +1,13 @@
 """Diagnosis of the windows of a running monitor."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from daq import IndexArray, Recording
+from daq import IndexArray
 from monitor.analysis.event import Conditions, Event, event_of
-from monitor.analysis.explanation import BreathingSignals, with_breathing
+from monitor.analysis.explanation import with_breathing
 from monitor.analysis.window import Window
 from monitor.results.comparison import ChannelHealth, DiscrepancyResult
 from monitor.results.correlation import discrepancy_result
@@ -22,9 +23,7 @@ from updater import (
     sensor_health,
     stack_tracks,
 )
-from updater.modal_data import SynchronizedWindows, choose_tracks
-
-Signals = tuple[Recording, Recording]  #: of a window before a change, and of one after it
+from updater.modal_data import Signals, SynchronizedWindows, choose_tracks
 
 
 def conditions_of(windows: Sequence[Window]) -> Conditions:
@@ -63,10 +62,10 @@ def explain_windows(
     if not len(kept):
         raise ModalDataError("no mode is in most of the windows")
     event = event_of(reference, windows, tracks, now, before)
+    event = replace(event, circumstances=replace(event.circumstances, signals=signals))
     found = diagnose(reference, event.modes, every=event.measured, circumstances=event.circumstances)
     if signals:
-        before_change, last = signals
-        found = with_breathing(found, reference, event.modes, BreathingSignals(last, before_change))
+        found = with_breathing(found, reference, event.modes, signals)
     return found, event
 
 

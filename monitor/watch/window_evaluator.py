@@ -37,11 +37,10 @@ from monitor.watch.answer import answer, sensors
 from monitor.watch.baseline.learned_baseline import LearnedBaseline, learn_baseline
 from monitor.watch.baseline.learning import BaselineLearning
 from monitor.watch.detector import MAX_OUT
-from monitor.watch.explanation import Signals
 from monitor.watch.memory import CalmSignals, Memory, state_fingerprint
 from monitor.watch.self_test import NEVER_TESTED, SelfTests
 from updater import Structure, UpdaterError
-from updater.modal_data import NO_DELAYS, DeviceDelays
+from updater.modal_data import NO_DELAYS, DeviceDelays, Signals
 
 MakeSignals = Callable[[], Recording]  #: makes the signals of a window
 
@@ -227,7 +226,7 @@ class WindowEvaluator:
 
     def _before_and_now(self, signals: MakeSignals | None) -> Signals | None:
         """Return the signals before a change, and of the present window; None if either are missing."""
-        return (self._before.recording, signals()) if self._before and signals else None
+        return Signals(now=signals(), before=self._before.recording) if self._before and signals else None
 
     def _present(self, window: Window, learned: LearnedBaseline) -> tuple[Sequence[Window], AlarmResult | None]:
         """Return the windows of the present state, and a message if the structure has changed once more, or changes."""

@@ -262,8 +262,13 @@ class Stretches:
 
     def points(self, fit: Fit[Any]) -> FloatArray:
         """Return the middle of each alternative (n, 3) [m]."""
-        distance = self._distances(fit)[0].tolist()
-        return np.array([self.cells.members[m].point(s) for m, s in zip(self.member.tolist(), distance, strict=True)])
+        return self.places(fit.theta, np.arange(len(self.member)))
+
+    def places(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the middle (len(rows), 3) [m] for parameters (len(rows), n_parameters)."""
+        member = self.member[rows]
+        distance = (self.middles(theta, rows) * self.cells.length[member]).tolist()
+        return np.array([self.cells.members[m].point(s) for m, s in zip(member.tolist(), distance, strict=True)])
 
     def by_place(self, fit: Fit[Any]) -> list[FloatArray]:
         """Return the probability of each alternative (n,) at each place left open, the most probable place first."""

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from updater.diagnosis.schema import ReferenceStep as ReferenceStep
     from updater.diagnosis.schema import Rejected as Rejected
     from updater.diagnosis.schema import Separation as Separation
+    from updater.diagnosis.schema import SignalEvidence as SignalEvidence
     from updater.diagnosis.schema import SmallestChange as SmallestChange
     from updater.diagnosis.schema import Verdict as Verdict
     from updater.diagnosis.weighing import OnCause as OnCause

@@ -5,7 +5,7 @@ change is one of the hypotheses. A cause is named at a posterior of 0.8. If the 
 1e-3, of several causes together 0.03; of the frequencies alone a hundredth of that), the diagnosis is unexplained.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -33,9 +33,10 @@ from updater.diagnosis.naming import (
     rejected_causes,
     shares,
     with_place_names,
+    with_signal_evidence,
 )
 from updater.diagnosis.next_measurement import next_measurement, smallest_changes
-from updater.diagnosis.relaxation import relaxed_alone, relaxed_beside, unrelaxed_beside
+from updater.diagnosis.relaxation import relaxed_alone, relaxed_beside, unrelaxed_beside, with_relaxed_form
 from updater.diagnosis.revised_reference import (
     is_lacked,
     removed_bodies,
@@ -59,12 +60,13 @@ from updater.diagnosis.simplification import merged, significant_only
 from updater.diagnosis.weighing import SURE, Candidate, EvidenceComparison, OnCause, allowed_causes, ranked, say_nothing
 from updater.errors import SelectionError
 from updater.inference import MODEL_ERROR, Comparison, compare
-from updater.modal_data import NOTHING_KNOWN, Circumstances, KnownMass, ModalMean
+from updater.modal_data import NOTHING_KNOWN, Circumstances, KnownMass, ModalMean, OpeningEvidence
 from updater.reference import Calibration, ModelFit, Reference
 from updater.structure import Structure
+from updater.validation import opening_evidence
 
 _ROUGHER = 2.0  # times the model error that a good model has, to search with
-_WORTH = 10.0  # of log evidence: another cause, its place and size
+_WORTH = 10.0  # of log evidence: another cause, its place and size; below the best, losses tested with the signals
 _MAX_OPEN = 5  # hypotheses that a next measurement is sought for
 _DRIFT = "global_stiffness"  # cause that represents a drift of all frequencies in the extended model
 _KNOWN_MASS = "added_mass"  # cause whose positions are those of a known mass
@@ -180,6 +182,12 @@ def _diagnosed(
     if not singles:
         raise RuntimeError(f"every cause has failed: {plain.faults.found}")
     search, singles = relaxed_alone(plain, singles)
+    opening = {} if circumstances.opening else _opening(plain, event, circumstances, singles)
+    if opening:
+        known = replace(circumstances, opening=opening)
+        return _diagnosed(
+            reference, measured, unused, bare, circumstances=known, on_cause=on_cause, only=only, without=without
+        )
     case = Case(search.reference, event, search.data, singles, search, measured, unused, bare)
     if not circumstances.steady:
         return _refused("unexplained", case, singles[0].log_evidence, "unsteady")
@@ -244,6 +252,25 @@ def _searched(
     less = max(_ROUGHER / reference.model_error_factor, 1.0) * MODEL_ERROR
     rough = compare(reference, event, circumstances=circumstances, model_error=less)
     return EvidenceComparison(reference, rough, on_cause, allowed=allowed)
+
+
+def _opening(
+    weighing: EvidenceComparison, event: ModalMean, circumstances: Circumstances, singles: Sequence[Candidate]
+) -> Mapping[str, OpeningEvidence]:
+    """Return the evidence of the signals for probable losses of stiffness that open and close; empty if none does."""
+    if circumstances.signals is None or weighing.reference.nominal is not None:
+        return {}
+    most = max(weighing.log_nothing, singles[0].log_evidence)
+    signals, losses = circumstances.signals, [c for c in singles if c.log_evidence > most - _WORTH]
+
+    def evidence() -> Mapping[str, OpeningEvidence]:
+        found = opening_evidence(event, [c.parts[0] for c in losses], signals)
+        if not found:
+            return {}
+        every = [with_relaxed_form(weighing, c) for c in singles]  # places of all losses are compared by the signals
+        return opening_evidence(event, [c.parts[0] for c in every], signals)
+
+    return weighing.faults.attempt("the evidence of the signals", evidence) or {}
 
 
 def _of_the_file_alone(weighing: EvidenceComparison) -> list[Candidate]:
@@ -336,6 +363,7 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
     extended = extended_structure(calibration, others, best.parts)
     if any(CATALOGUE[name].of_the_file for name in best.names):
         named = each_once(tuple(as_written(cause, extended, calibration.nominal) for cause in named))
+    named = with_signal_evidence(named, found, case.weighing.log_nothing)
     named = tuple(with_place_names(cause, case.reference.structure) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
     faults = case.weighing.faults

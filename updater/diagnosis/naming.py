@@ -34,7 +34,9 @@ from updater.diagnosis.schema import (
     PairedModes,
     Reason,
     Rejected,
+    SignalEvidence,
 )
+from updater.diagnosis.weighing import evidence_of_signals
 from updater.inference import MODEL_ERROR, Comparison, beside, residual
 from updater.modal_data import ModalMean
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Vector, Where
@@ -443,6 +445,26 @@ def with_place_names(cause: Cause, structure: Structure) -> Cause:
     """Return a cause with the names of its places and its alternatives', and of the parameters that they change."""
     alternatives = tuple(other.model_copy(update=_place_names(other, structure)) for other in cause.alternatives)
     return cause.model_copy(update=_place_names(cause, structure) | {"alternatives": alternatives})
+
+
+def with_signal_evidence(named: Sequence[Cause], found: "Sequence[Candidate]", log_nothing: float) -> tuple[Cause, ...]:
+    """Return the causes of the best candidate with the evidence of the signals.
+
+    Parameters
+    ----------
+    found : candidates, the best first
+    log_nothing : log evidence for no change
+    """
+    by_signals = [sum(map(evidence_of_signals, c.parts)) for c in found]
+    by_modes = [c.log_evidence - own for c, own in zip(found, by_signals, strict=True)]
+    decides = by_modes[0] < max(*by_modes, log_nothing)
+    own = {part.hypotheses.name: evidence_of_signals(part) for part in found[0].parts}
+    return tuple(
+        cause.model_copy(update={"signals": SignalEvidence(log_evidence=own[cause.cause], decides=decides)})
+        if own.get(cause.cause)
+        else cause
+        for cause in named
+    )
 
 
 def _place_names(cause: FittedCause, structure: Structure) -> dict[str, object]:

@@ -21,22 +21,37 @@ def relaxed_alone(search: EvidenceComparison, singles: list[Candidate]) -> tuple
     """Replace the likeliest cause that has a relaxed form by it, if it explains half of the misfit.
 
     Less may be due to another cause: then the relaxed form is tried in combinations. It is not tried where another
-    cause fits well, unless that may absorb what the relaxed form explains, or where another one fits far better.
+    cause fits well, unless that may absorb what the relaxed form explains, or where another one fits far better. A
+    crack that opens and closes by the signals is most often in one plane: then it is always tried.
     """
     plain = next((c for c in singles if CATALOGUE[c.names[0]].relaxed), None)
-    if plain is None or search.nothing.p_value >= WELL:
+    if plain is None or (search.nothing.p_value >= WELL and not search.data.circumstances.opening):
         return search, singles
     rival = next((c for c in singles if not is_hidden(c)), plain)
-    if rival.p_value >= WELL and plain.log_evidence < rival.log_evidence - _RIVAL:
-        return search, singles
-    if plain.misfit > _FAR * rival.misfit > 0:
-        return search, singles
+    if not search.data.circumstances.opening:
+        if rival.p_value >= WELL and plain.log_evidence < rival.log_evidence - _RIVAL:
+            return search, singles
+        if plain.misfit > _FAR * rival.misfit > 0:
+            return search, singles
     relaxed = _relaxed(search, plain.names[0])
-    first = next(iter(relaxed.first_fits(plain.names)), None)
-    if first is None or first.log_evidence < plain.log_evidence + MUCH + _MIN_SHARE * plain.misfit / 2:
+    found = _fitted(relaxed, plain)
+    if found is None or found.log_evidence < plain.log_evidence + MUCH + _MIN_SHARE * plain.misfit / 2:
         return search, singles
-    found = relaxed.refined(first) or first
     return relaxed, ranked([found, *(c for c in singles if c is not plain)])
+
+
+def with_relaxed_form(search: EvidenceComparison, single: Candidate) -> Candidate:
+    """Return a single cause in its relaxed form, where that is likelier."""
+    if search.instead or not CATALOGUE[single.names[0]].relaxed:
+        return single
+    found = _fitted(_relaxed(search, single.names[0]), single)
+    return single if found is None or found.log_evidence < single.log_evidence else found
+
+
+def _fitted(relaxed: EvidenceComparison, plain: Candidate) -> Candidate | None:
+    """Return the relaxed form of a single cause; None if it has none here, or fails."""
+    first = next(iter(relaxed.first_fits(plain.names)), None)
+    return None if first is None else relaxed.refined(first) or first
 
 
 def relaxed_beside(search: EvidenceComparison, found: list[Candidate]) -> tuple[EvidenceComparison, list[Candidate]]:

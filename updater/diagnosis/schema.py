@@ -26,6 +26,13 @@ class Alternative(FittedCause):
     log_evidence: float  #: relative to the accepted one [-]
 
 
+class SignalEvidence(PlainValue):
+    """Evidence of the signals for a loss of stiffness that opens and closes."""
+
+    log_evidence: float  #: that they add to that of the modes [-]
+    decides: bool  #: whether another cause, or no change, is more probable by the modes alone
+
+
 class Cause(FittedCause):
     """One accepted cause."""
 
@@ -33,6 +40,7 @@ class Cause(FittedCause):
     cannot_be_told_from: tuple[str, ...] = ()
     alternatives: tuple[Alternative, ...] = ()  #: fitted causes of `cannot_be_told_from`
     breathing: Breathing | None = None  #: opening and closing of a loss of stiffness; None if not tested
+    signals: SignalEvidence | None = None  #: None for causes that the signals add no evidence to
 
 
 class Rejected(PlainValue):

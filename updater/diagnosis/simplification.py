@@ -8,7 +8,7 @@ import numpy as np
 
 from updater.causes import CATALOGUE, Cause, JointHypothesis, LocalStiffness, SelectedCause, Sized
 from updater.diagnosis.combinations import Compositions
-from updater.diagnosis.weighing import Candidate, EvidenceComparison, ranked
+from updater.diagnosis.weighing import Candidate, EvidenceComparison, ranked, shown_by_signals
 from updater.inference import Fit, fit
 from updater.quantities import SIGNIFICANT
 
@@ -90,9 +90,12 @@ def _refitted(
 
 
 def is_significant(part: Fit[Any]) -> bool:
-    """Return whether a cause differs from no change by two standard deviations; one without a size does."""
+    """Return whether a cause differs from no change by two standard deviations, or by the signals.
+
+    A cause without a size does.
+    """
     cause = part.hypotheses
-    return not isinstance(cause, Sized) or cause.deviations(part) > SIGNIFICANT
+    return not isinstance(cause, Sized) or cause.deviations(part) > SIGNIFICANT or shown_by_signals(part)
 
 
 def significant_only(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candidate]:

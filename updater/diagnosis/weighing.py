@@ -3,16 +3,27 @@
 import logging
 from collections import Counter
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TypeVar
 
 import numpy as np
 
 from daq import FloatArray
-from updater.causes import CATALOGUE, Cause, JointHypothesis, Nothing, Propose, SelectedCause, prediction
+from updater.causes import (
+    CATALOGUE,
+    Cause,
+    JointHypothesis,
+    LocalStiffness,
+    Nothing,
+    Propose,
+    SelectedCause,
+    Springs,
+    prediction,
+)
 from updater.errors import SelectionError
 from updater.inference import Comparison, Fit, evaluate, fit, refined_fit
+from updater.quantities import SIGNIFICANT
 from updater.reference import Reference
 from updater.structure import meant
 
@@ -152,6 +163,26 @@ def at_most(log_evidence: float, chi_square: float, freedom: float) -> float:
     They may reduce the misfit by a share: refined alternatives exceeded it in one of 3391 fits of single causes.
     """
     return log_evidence + HOPELESS + ERRS * max(chi_square - freedom, 0.0) / 2
+
+
+def shown_by_signals(part: Fit[Cause]) -> bool:
+    """Return whether the signals show a loss of stiffness that opens and closes; it may be too small for the modes.
+
+    Two standard deviations are a log likelihood ratio of two.
+    """
+    return bool(_by_signals(part)[part.best] > SIGNIFICANT**2 / 2)
+
+
+def _by_signals(part: Fit[Cause]) -> FloatArray:
+    """Return the log likelihood ratio (n_alternatives,) of opening and closing to none by the signals."""
+    cause, n = part.hypotheses, len(part.theta)
+    return cause.opening(part.theta, np.arange(n)) if isinstance(cause, LocalStiffness | Springs) else np.zeros(n)
+
+
+def evidence_of_signals(part: Fit[Cause]) -> float:
+    """Return the log evidence that the signals add to that of the modes for a cause."""
+    own = _by_signals(part)
+    return part.log_evidence - replace(part, log_density=part.log_density - own).log_evidence if own.any() else 0.0
 
 
 def ranked(found: Sequence[Candidate]) -> list[Candidate]:
@@ -348,6 +379,7 @@ class EvidenceComparison:
         effective = not cause.drifting or bool(whole.chi_square.min() < self._drift - _MIN_GAIN)
         if self._new_for_certain and prediction(self.data, (best,)).new_frequency.size:
             effective = True  # its mode is measured: that is more than any drift does
+        effective |= shown_by_signals(whole)
         evidence = whole.log_evidence + self.log_prior(name)
         if np.isnan(evidence):
             raise FloatingPointError("the log evidence is not a number")

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from updater.modal_data.conditions import Circumstances as Circumstances
     from updater.modal_data.conditions import Effort as Effort
     from updater.modal_data.conditions import KnownMass as KnownMass
+    from updater.modal_data.conditions import OpeningEvidence as OpeningEvidence
+    from updater.modal_data.conditions import Signals as Signals
     from updater.modal_data.conditions import Trend as Trend
     from updater.modal_data.conditions import tone_ratios as tone_ratios
     from updater.modal_data.conditions import trend_of as trend_of

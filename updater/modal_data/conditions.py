@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from daq import FloatArray
+from daq import FloatArray, Recording
 from oma import ChannelFault
 from updater.modal_data.tracked import ModalMean, TrackedModes
 
@@ -42,6 +42,31 @@ class KnownMass:
     is_evidence: bool = True  #: whether causes must explain it; else it is compared with the answer only
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Signals:
+    """Signals with which a loss of stiffness is tested for opening and closing."""
+
+    now: Recording  #: of a window with the loss
+    before: Recording | None  #: of a window without it
+    heldout: Recording | None = None  #: of a further window with it, which is predicted
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OpeningEvidence:
+    """Evidence of the signals that a loss of stiffness opens and closes, by its place."""
+
+    position: FloatArray  #: (n_places, 3) tested [m]
+    log_ratio: FloatArray  #: (n_places,) log likelihood ratio to a linear structure
+    reach: float  #: distance to the next tested place [m]
+
+    def at(self, position: FloatArray) -> FloatArray:
+        """Return the log likelihood ratio (n,) at positions (n, 3) [m], linear between places, zero beyond them."""
+        distance = np.linalg.norm(position[:, None] - self.position, axis=2)
+        weight = np.maximum(1 - distance / self.reach, 0.0)
+        total = weight.sum(1)
+        return np.asarray(weight @ self.log_ratio / np.where(total > 0, total, 1.0))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Effort:
     """Time that further measurements take [h]."""
@@ -66,7 +91,14 @@ class Circumstances:
     wander: float = 0.0  #: standard deviation of a window's delay about its device's constant, in these windows [s]
     known_masses: tuple[KnownMass, ...] = ()  #: further records of the event's state
     effort: Effort = field(default_factory=Effort)  #: of further measurements
+    signals: Signals | None = None  #: of windows now and before
+    opening: Mapping[str, OpeningEvidence] = field(default_factory=dict)  #: by the name of the loss of stiffness
     steady: bool = True  #: whether the event's windows are of one state (`updater.modal_data.states.stationarity`)
+
+    def opening_at(self, cause: str, position: FloatArray) -> FloatArray:
+        """Return the log likelihood ratio (n,) of opening and closing to none for a cause at positions (n, 3) [m]."""
+        found = self.opening.get(cause)
+        return np.zeros(len(position)) if found is None else found.at(position)
 
 
 NOTHING_KNOWN = Circumstances()

@@ -28,41 +28,29 @@ from typing import Any
 import numpy as np
 import scipy  # its parts at their first use
 
-from daq import FloatArray, IndexArray, Recording
-from oma import ComplexArray
-from oma.spectral import spectral_matrix
+from daq import FloatArray, Recording
 from updater.causes import Cause, LocalStiffness, Springs
-from updater.errors import ModalDataError
-from updater.inference import Comparison, Effect, Fit, no_effect, reanalyse
+from updater.inference import Fit
 from updater.modal_data import ModalMean
 from updater.quantities import BREATHES, Breathing, NonlinearGain, Opening, Quantity, rounded_value
 from updater.reference import Reference
 from updater.structure import BreathingCrack, Structure, with_few_digits
 from updater.validation.member_moment import member_moment
-from updater.validation.response.modal_system import NYQUIST, ModalSystem, band_about, damping_of_all
-from updater.validation.virtual_sensors import gapless_part
+from updater.validation.nonlinear_part import (
+    PROBABLE,
+    UNKNOWN,
+    ActionTest,
+    Loss,
+    LossTests,
+    SignalWindow,
+    probable_places,
+    spacing,
+)
 
-_FINER = 4  # samples of the moment per sample: the nonlinear rotation has harmonics
-_EDGE = 0.1  # of a record that is faded in and out, each
-_BLOCKS = 16  # of a record, whose scatter gives the standard deviation
-_PARTS = 8  # of a block, each weighted by the power of its signals
-_SEGMENTS, _LOOKS = 24, 3  # of half a record for its spectral matrix, at least: in all, and per channel
-_FEWEST_CHANNELS = 3
-_AT_ONCE = 2000  # lines whose matrices are in memory
 _APART = 0.015  # of the longest member: distance of places that are tried
-_TRIED, _MAX_PLACES = 2000, 12  # alternatives, the most probable first, and places
-_PROBABLE = 10.0  # of log density: a less probable place is left out
-_ONE_ACTION = 0.1  # share of the largest action's flexibility from which another one is tested
-_LEAST = 1e-9  # of the power at a line, added to every channel
-_NOISE = 0.25  # quantile of the eigenvalues of the spectral matrix that is taken for noise
-_RANGE = 1.2  # of frequency, each way, within which forces are white
+_MAX_PLACES = 12
 _MODEL_STD = 0.1  # of a share, relative: moments that are not Gaussian, errors of shapes (simulated cracks, docs)
 _THRESHOLDS = np.linspace(-1.5, 1.5, 13)  # m0 over the standard deviation of the moment
-#: standard deviation of r over that of s, relative to that by the model; its logarithm is uncertain by 0.4: variances
-#: by 0.65 for forces at a few points, which are not alike on all modes, 0.4 for damping and 0.3 for shapes
-_UNKNOWN = np.exp(0.4 * np.linspace(-2.0, 2.0, 7))
-_UNKNOWN_LOG_DENSITY = -0.5 * np.linspace(-2.0, 2.0, 7) ** 2
-_LEAST_UNKNOWN = 0.05  # standard deviation of r over that of s, at least
 
 
 def breathing(
@@ -92,36 +80,23 @@ def breathing(
     cause = part.hypotheses
     if not isinstance(cause, LocalStiffness | Springs):
         return None
-    comparison = cause.comparison
-    damping = np.where(comparison.tracks < 0, np.nan, event.damping[comparison.tracks])  # not of modes without a track
-    places = _places(cause, part)
-    effects = [cause.effect(part.theta[[row]], np.array([row])) for row in places]
-    states = [_ModalState.of(comparison, effect, damping, comparison.log_ratio) for effect in effects]
-    window = _Window.of(states[0], comparison, recording)
-    if window is None:
+    place = LossTests.of(cause, event, recording, before)
+    if place is None:
         return None
-    motion, force = window.modal_motion(states[0])
-    prior = part.log_density + cause.log_prior
+    prior = part.log_density + cause.log_prior - cause.opening(part.theta, np.arange(len(part.theta)))
     tests = [
-        _ActionTest(window, state, (motion, force), action, float(prior[row]), at_best=row == part.best)
-        for row, effect, state in zip(places, effects, states, strict=True)
-        for action in _actions(comparison, effect)
+        test
+        for row in _places(cause, part)
+        for test in place.at(part.theta[row], row, float(prior[row]), at_best=row == part.best)
     ]
     if not tests:
         return None  # stiffness was gained
     best = max(tests, key=lambda test: test.log_density)
-    usual = None
-    if before is not None:
-        undisturbed = _ModalState.of(comparison, no_effect(1, comparison), damping, np.zeros(len(damping)))
-        earlier = _Window.of(undisturbed, comparison, before)
-        if earlier is None:
-            return None
-        usual = _ActionTest(earlier, undisturbed, earlier.modal_motion(undisturbed), best.action)
-    bias, of_bias, p_value = best.against(usual)
+    bias, of_bias, p_value = best.against(place.before(best))
     posterior = _Posterior.of(tests, (bias, of_bias), min(1.0, len(tests) * p_value), 1 / cause.deviations(part))
     if not posterior.closes:
         return posterior.breathing
-    unused = None if heldout is None else _Window.of(posterior.best.test.state, comparison, heldout)
+    unused = None if heldout is None else SignalWindow.of(posterior.best.test.state, cause.comparison, heldout)
     more = {
         "opening": _opening(reference, cause, part, posterior, tests),
         "heldout": None if unused is None else posterior.best.predicted(unused),
@@ -131,10 +106,10 @@ def breathing(
 
 def _opening(
     reference: Reference,
-    cause: LocalStiffness | Springs,
+    cause: Loss,
     part: Fit[Any],
     posterior: "_Posterior",
-    tests: "Sequence[_ActionTest]",
+    tests: Sequence[ActionTest],
 ) -> Opening | None:
     """Return the moment that opens the place; None if it is not one of a member."""
     position, std = cause.where(part).position, 1 / cause.deviations(part)
@@ -183,52 +158,22 @@ def with_cracks(structure: Structure, openings: Sequence[Opening]) -> Structure:
     return with_few_digits(own, structure)
 
 
-def _rounded(quantity: Quantity) -> float:
-    return rounded_value(quantity.value, quantity.std)
-
-
-def _places(cause: LocalStiffness | Springs, part: Fit[Any]) -> list[int]:
-    """Return the best alternative at each probable place, the best of all first."""
+def _places(cause: Loss, part: Fit[Any]) -> list[int]:
+    """Return the alternatives that are tried: of springs the best one alone."""
     if isinstance(cause, Springs):
         return [part.best]
-    density, points = part.log_density + cause.log_prior, cause.points(part)
-    apart = _APART * max(member.length for member in cause.reference.structure.member)
-    found = [part.best]
-    for row in np.argsort(-density)[:_TRIED]:
-        if density[row] < density[part.best] - _PROBABLE or len(found) == _MAX_PLACES:
-            break
-        if np.linalg.norm(points[found] - points[row], axis=1).min() > apart:
-            found.append(int(row))
-    return found
+    return probable_places(cause, part, apart=spacing(cause, _APART), most=_MAX_PLACES)
 
 
-@dataclass(frozen=True, eq=False)
-class _Action:
-    """Action at a place, such as a bending moment, scaled so that its square is its part of the added flexibility."""
-
-    value: FloatArray  #: (n_modes,) of the reference's modes over omega^2
-    relief: float  #: flexibility before self-stress has shifted the load, over that after [-]
-
-
-def _actions(comparison: Comparison, effect: Effect) -> list[_Action]:
-    """Return the actions that make up an added flexibility: at one place it is the sum of their squares."""
-    paired, n = comparison.paired, len(comparison.frequency)
-    omega = 2 * np.pi * comparison.frequency[paired]
-    added = effect.flexibility[0]
-    value, vector = np.linalg.eigh(omega[:, None] * added[np.ix_(paired, paired)] * omega)
-    found = []
-    for k in np.flatnonzero(value > _ONE_ACTION * np.abs(value).max()):
-        across = omega * vector[:, k]
-        alone = float(across @ effect.compliance[0, :n, :n][np.ix_(paired, paired)] @ across)
-        found.append(_Action(added[:, paired] @ across / np.sqrt(value[k]), alone / float(value[k])))
-    return found
+def _rounded(quantity: Quantity) -> float:
+    return rounded_value(quantity.value, quantity.std)
 
 
 @dataclass(frozen=True)
 class _Setting:
     """A place, a moment at which it opens, and a standard deviation of the unknown part of the moment."""
 
-    test: "_ActionTest"
+    test: "ActionTest"
     threshold: float  #: over the standard deviation of the whole moment [-]
     unknown: int  #: number of the deviation of the unknown part, relative to that by the model
     size: float  #: of the nonlinear part, as for the mean flexibility [-]
@@ -238,10 +183,10 @@ class _Setting:
         """Standard deviation of the whole moment over that of the known part."""
         return self.test.whole(self.unknown)
 
-    def predicted(self, window: "_Window") -> NonlinearGain:
+    def predicted(self, window: "SignalWindow") -> NonlinearGain:
         """Return how well the nonlinear part of signals is predicted that were not used."""
         state, action = self.test.state, self.test.action
-        other = _ActionTest(window, state, window.modal_motion(state), action)
+        other = ActionTest(window, state, window.modal_motion(state), action)
         ratio = self.whole * self.test.moment_std / (other.whole(self.unknown) * other.moment_std)
         return other.predicted_by(self.size, self.threshold * ratio, self.unknown)
 
@@ -261,7 +206,7 @@ class _Posterior:
         return self.breathing.significant
 
     @classmethod
-    def of(cls, tests: "Sequence[_ActionTest]", bias: tuple[float, float], p_value: float, std: float) -> "_Posterior":
+    def of(cls, tests: Sequence[ActionTest], bias: tuple[float, float], p_value: float, std: float) -> "_Posterior":
         """Return the posterior.
 
         Parameters
@@ -271,9 +216,9 @@ class _Posterior:
         std : of the mean flexibility, relative [-]
         """
         closes = p_value < BREATHES
-        grid = list(itertools.product(_THRESHOLDS if closes else (0.0,), range(len(_UNKNOWN))))
+        grid = list(itertools.product(_THRESHOLDS if closes else (0.0,), range(len(UNKNOWN))))
         most = max(test.log_density for test in tests)
-        cells = [(test, *values) for test in tests if test.log_density > most - _PROBABLE for values in grid]
+        cells = [(test, *values) for test in tests if test.log_density > most - PROBABLE for values in grid]
         log, share, variance, often = np.array([test.fitted(*bias, *values) for test, *values in cells]).T
         variance += (std**2 + _MODEL_STD**2) * share**2
         if closes:
@@ -314,334 +259,3 @@ def _within_bounds(
     inside += np.log1p(-np.exp(scipy.special.log_ndtr(farther) - inside))
     found = scipy.stats.truncnorm(low, high, loc=mean, scale=std)
     return log + inside, np.asarray(found.mean()), np.asarray(found.var())
-
-
-@dataclass(frozen=True, eq=False)
-class _ModalState:
-    """Modes of the structure in one state, with frequencies and damping as measured."""
-
-    system: ModalSystem
-    vector: FloatArray  #: (n_modes, n_modes) in the reference's modes
-    band: tuple[float, float]  #: about the measured modes [Hz]
-
-    @classmethod
-    def of(cls, comparison: Comparison, effect: Effect, damping: FloatArray, log_ratio: FloatArray) -> "_ModalState":
-        """Return the state with an effect.
-
-        Parameters
-        ----------
-        damping : (n,) of the compared modes, NaN where it is not known [-]
-        log_ratio : (n,) of their frequencies to the reference's
-        """
-        changed = reanalyse(comparison, effect)
-        pick = changed.pick[0]
-        measured = comparison.frequency[comparison.paired] * np.exp(log_ratio)
-        frequency = changed.value[0] ** -0.5 / (2 * np.pi)
-        frequency[pick] = measured
-        system = ModalSystem(frequency=frequency, damping=damping_of_all(damping, pick, len(frequency)))
-        return cls(system, changed.vector[0], band_about(measured))
-
-    def of_displacements(self, action: FloatArray) -> FloatArray:
-        """Return an action (n_modes,) of the reference's modes over omega^2 for unit displacements of these modes."""
-        return np.asarray(self.system.omega**2 * (action @ self.vector))
-
-
-class _Window:
-    """Signals of a window, whitened.
-
-    A spectral matrix that is estimated from the signals that it whitens takes part of them for noise. Therefore, each
-    half of the window is whitened by the spectral matrix of the other half.
-    """
-
-    def __init__(self, band: tuple[float, float], at_channels: FloatArray, data: FloatArray, rate: float) -> None:
-        self.rate, self.n = rate, len(data)
-        self._data, self._at_channels = data, at_channels
-        self._limits = band[0], min(band[1], NYQUIST * rate)
-        lines: FloatArray = np.fft.rfftfreq(self.n, 1 / rate).astype(np.float64)
-        self._band = np.flatnonzero((self._limits[0] <= lines) & (lines <= self._limits[1]))
-        self._lines = lines[self._band]
-        halves = np.array_split(np.arange(self.n), 2)
-        self._fades = [self._faded(half) for half in halves]
-        self._inverses = [self._inverse_spectrum(data[half]) for half in halves[::-1]]
-        #: (n_lines, n_channels) product with faded and whitened predictions of signals
-        self._target = np.zeros((len(self._lines), data.shape[1]), complex)
-        for half, fade in enumerate(self._fades):
-            whitened = self._whitened(half, self._spectrum(fade[:, None] * data))
-            self._target += self._spectrum(fade[:, None] * self._signal(whitened))
-        #: (n_parts,) mean power of the whitened signals in each part: forces may not be stationary
-        self._power = self._parts_of(np.concatenate([self._white_power(k, half) for k, half in enumerate(halves)]))
-
-    @classmethod
-    def of(cls, state: _ModalState, comparison: Comparison, recording: Recording) -> "_Window | None":
-        """Return a window; None if it is too short, has too few of the channels, or one of them is constant."""
-        names = {c.name for c in recording.channels}
-        known = [k for k, channel in enumerate(comparison.channels) if channel in names]
-        if len(known) < _FEWEST_CHANNELS:
-            return None
-        try:
-            _, data = gapless_part(recording, tuple(comparison.channels[k] for k in known))
-        except ModalDataError:
-            return None
-        if len(data) < _BLOCKS * _SEGMENTS * len(known) or state.band[0] > NYQUIST * recording.rate:
-            return None
-        if (np.ptp(data, axis=0) == 0).any():
-            return None
-        return cls(state.band, comparison.at_channels[known], data - data.mean(0), recording.rate)
-
-    def modal_motion(self, state: _ModalState) -> tuple[ComplexArray, FloatArray]:
-        """Return the motion (n_lines, n_modes) in the reference's modes, times omega^2 of the modes of the state.
-
-        The second value is the power (n_lines,) of the force on each mode.
-
-        That of the modes in the band. Forces are white on all modes alike, and noise is alike in all sensors, both
-        within a range of frequencies.
-        """
-        segment, spectrum = self._segment(self.n), self._spectrum(self._data)
-        eigenvalues = np.linalg.eigvalsh(spectral_matrix(self._data, self.rate, segment))
-        noise = (0.5 * self.n * self.rate * np.quantile(eigenvalues, _NOISE, axis=1))[self._nearest(segment)]
-        system, shape = state.system, self._at_channels @ state.vector
-        inside = (self._limits[0] < system.frequency) & (system.frequency < self._limits[1])
-        gain = (np.abs(system.accelerance(self._lines)) ** 2) @ (shape**2).sum(0)
-        power = np.maximum((np.abs(spectrum) ** 2).sum(1) - len(shape) * noise, 0.0)
-        force = self._near(power) / self._near(gain)
-        found = []
-        for part in self._parts():
-            accelerance = system.accelerance(self._lines[part])
-            response = accelerance[:, None, :] * shape
-            covariance = force[part, None, None] * response @ response.conj().swapaxes(1, 2)
-            covariance += noise[part, None, None] * np.eye(len(shape))
-            weighted = np.linalg.solve(covariance, spectrum[part, :, None])[:, :, 0]
-            forces = force[part, None] * (response.conj() * weighted[:, :, None]).sum(1)
-            displacement = -forces * accelerance / (2 * np.pi * self._lines[part, None]) ** 2
-            found.append((displacement * system.omega**2)[:, inside] @ state.vector[:, inside].T)
-        return np.concatenate(found), force
-
-    def unknown_part(self, state: _ModalState, action: FloatArray, force: FloatArray, known: ComplexArray) -> float:
-        """Return the standard deviation of the part of an action that is not known, over that of the known part.
-
-        The known part is that of the modes in the band, the other one that of all others.
-
-        Parameters
-        ----------
-        state : modes
-        action : (n_modes,) for unit displacements of these modes
-        force : (n_lines,) power of the force on each mode; of modes outside the band that of its nearest line
-        known : (n_lines,) spectrum of the known part
-        """
-        system = state.system
-        inside = (self._limits[0] < system.frequency) & (system.frequency < self._limits[1])
-        compliance = np.abs(system.accelerance(self._lines)) ** 2 / (2 * np.pi * self._lines[:, None]) ** 4
-        whole = float(force @ compliance[:, inside] @ action[inside] ** 2)
-        nearest = np.clip(np.searchsorted(self._lines, system.frequency), 0, len(self._lines) - 1)
-        variance = force[nearest] * action**2 / (system.omega**3 * system.damping)  # of modes under white forces
-        outside = whole * float(variance[~inside].sum() / variance[inside].sum())
-        return float(np.sqrt(max(outside / (np.abs(known) ** 2).sum(), _LEAST_UNKNOWN**2)))
-
-    def fine(self, spectrum: ComplexArray) -> FloatArray:
-        """Return a signal (n_fine,), with `_FINER` samples per sample."""
-        whole = np.zeros(_FINER * self.n // 2 + 1, complex)
-        whole[self._band] = _FINER * spectrum
-        return np.asarray(scipy.fft.irfft(whole, _FINER * self.n))
-
-    def rotation(self, fine: FloatArray) -> ComplexArray:
-        """Return the spectrum (n_lines,) of a rotation (n_fine,)."""
-        return np.asarray(scipy.fft.rfft(fine)[self._band] / _FINER)
-
-    def response(self, state: _ModalState, action: FloatArray) -> tuple[ComplexArray, FloatArray]:
-        """Return what a rotation is multiplied by to be fitted to the signals.
-
-        Parameters
-        ----------
-        state : modes that a rotation moves
-        action : (n_modes,) for unit displacements of these modes
-
-        Returns
-        -------
-        (n_lines,) product of its signals with the measured ones, conjugated; (2, n_lines) root of that with themselves,
-        by halves
-        """
-        shape = self._at_channels @ state.vector
-        signals = (state.system.accelerance(self._lines) * action) @ shape.T
-        own = [(signals.conj() * self._whitened(half, signals)).sum(1).real for half in range(len(self._fades))]
-        return (signals.conj() * self._target).sum(1), np.sqrt(np.maximum(own, 0.0))
-
-    def products(self, one: ComplexArray, other: ComplexArray) -> FloatArray:
-        """Return the sums (n_blocks,) over blocks of time of the product of two signals."""
-        return self._sums(self._signal(one) * self._signal(other))
-
-    def squares(self, spectra: ComplexArray) -> FloatArray:
-        """Return the sums (n_blocks,) over blocks of time of squares of faded signals, each half's own (2, n_lines)."""
-        halves = zip(self._fades, spectra, strict=True)
-        return self._sums(np.sum([(fade * self._signal(spectrum)) ** 2 for fade, spectrum in halves], axis=0))
-
-    def _sums(self, signal: FloatArray) -> FloatArray:
-        """Return sums (n_blocks,) of a signal that is weighted by the inverse power of its part."""
-        return np.asarray((self._parts_of(signal) / self._power).reshape(_BLOCKS, _PARTS).sum(1))
-
-    @staticmethod
-    def _parts_of(signal: FloatArray) -> FloatArray:
-        """Return the sum (n_parts,) of each part of a signal."""
-        first = np.linspace(0, len(signal), _BLOCKS * _PARTS, endpoint=False).astype(int)
-        return np.asarray(np.add.reduceat(signal, first))
-
-    def _faded(self, half: IndexArray) -> FloatArray:
-        """Return a window (n_samples,) of some samples that is faded in and out."""
-        found = np.zeros(self.n)
-        found[half] = scipy.signal.windows.tukey(len(half), 2 * _EDGE)
-        return found
-
-    def _segment(self, n_samples: int) -> int:
-        """Return the length of the segments of a spectral matrix of some samples."""
-        return 1 << int(np.log2(n_samples / max(_SEGMENTS, _LOOKS * len(self._at_channels))))
-
-    def _parts(self) -> list[IndexArray]:
-        """Return the lines in parts whose matrices are in memory at once."""
-        return np.array_split(np.arange(len(self._lines)), 1 + len(self._lines) // _AT_ONCE)
-
-    def _whitened(self, half: int, spectrum: ComplexArray) -> ComplexArray:
-        """Return the product (n_lines, n_channels) of a spectrum with the inverse spectral matrix of the other half."""
-        inverse, nearest = self._inverses[half]
-        return np.concatenate([(inverse[nearest[part]] @ spectrum[part, :, None])[:, :, 0] for part in self._parts()])
-
-    def _white_power(self, half: int, samples: IndexArray) -> FloatArray:
-        """Return the power (n_samples,) of the whitened signals at some samples."""
-        inverse, nearest = self._inverses[half]
-        root, spectrum = np.linalg.cholesky(inverse).conj().swapaxes(1, 2), self._spectrum(self._data)
-        white = [(root[nearest[part]] @ spectrum[part, :, None])[:, :, 0] for part in self._parts()]
-        return np.asarray((self._signal(np.concatenate(white))[samples] ** 2).sum(1))
-
-    def _inverse_spectrum(self, data: FloatArray) -> tuple[ComplexArray, IndexArray]:
-        """Return the inverse of the spectral matrix of some samples at its own lines, and the nearest to each line."""
-        segment = self._segment(len(data))
-        matrices = spectral_matrix(data, self.rate, segment)
-        value, vector = np.linalg.eigh(matrices)  # negative by rounding, where channels depend on each other
-        value = np.maximum(value, 0.0) + _LEAST * value.sum(1, keepdims=True)
-        inverse = (vector / value[:, None, :]) @ vector.conj().swapaxes(1, 2)
-        return np.asarray(inverse), self._nearest(segment)
-
-    def _nearest(self, segment: int) -> IndexArray:
-        """Return the nearest line (n_lines,) of the spectral matrix of segments."""
-        nearest = np.rint(self._lines * segment / self.rate).astype(int)
-        return np.asarray(np.minimum(nearest, segment // 2), np.intp)
-
-    def _near(self, power: FloatArray) -> FloatArray:
-        """Return sums (n_lines,) over the lines near each."""
-        total = np.concatenate([[0.0], np.cumsum(power)])
-        first, last = (np.searchsorted(self._lines, self._lines * limit) for limit in (1 / _RANGE, _RANGE))
-        return np.asarray(total[last] - total[first])
-
-    def _spectrum(self, data: FloatArray) -> ComplexArray:
-        return np.asarray(scipy.fft.rfft(data, axis=0)[self._band])
-
-    def _signal(self, spectrum: ComplexArray) -> FloatArray:
-        whole = np.zeros((self.n // 2 + 1, *spectrum.shape[1:]), complex)
-        whole[self._band] = spectrum
-        return np.asarray(scipy.fft.irfft(whole, self.n, axis=0))
-
-
-class _ActionTest:
-    """Nonlinear part of the rotation by one action at a place.
-
-    Parameters
-    ----------
-    window : signals
-    state : modes that a rotation moves
-    modal_motion : (n_lines, n_modes) and (n_lines,) of the window
-    action : at the place
-    prior : log density of the place
-    at_best : whether it is the most probable place by the modes
-    """
-
-    def __init__(
-        self,
-        window: _Window,
-        state: _ModalState,
-        modal_motion: tuple[ComplexArray, FloatArray],
-        action: _Action,
-        prior: float = 0.0,
-        *,
-        at_best: bool = False,
-    ) -> None:
-        self.action, self.state, self.at_best, self._window, self._prior = action, state, at_best, window, prior
-        motion, force = modal_motion
-        known, of_modes = motion @ action.value, state.of_displacements(action.value)
-        self._moment, self._unknown = window.fine(known), window.unknown_part(state, of_modes, force, known)
-        self._product, self._own = window.response(state, of_modes)
-        self.moment_std = float(self._moment.std())  #: of the known part
-        along, weight = self._fit(0.0, self._unknown)
-        self._size = float(along.sum() / weight.sum())
-        scatter = float(((along - self._size * weight) ** 2).sum()) * _BLOCKS / (_BLOCKS - 1)
-        self._spread = scatter / float(weight.sum())  # variance of the product over the expected one
-        self._variance = scatter / float(weight.sum()) ** 2
-        #: of the place and of a nonlinear part that opens at no moment
-        self.log_density = prior + 0.5 * self._size**2 / self._variance
-
-    def against(self, usual: "_ActionTest | None") -> tuple[float, float, float]:
-        """Return the size without a loss, its variance, and the p value of as large a difference from it."""
-        bias, variance = (usual._size, usual._variance) if usual else (0.0, 0.0)
-        score = abs(self._size - bias) / np.sqrt(self._variance + variance)
-        return bias, variance, float(2 * scipy.stats.t.sf(score, _BLOCKS - 1))
-
-    def side(self, bias: float) -> float:
-        """Return 1 if it opens under a positive moment, -1 under a negative one; by the size without a loss."""
-        return 1.0 if self._size >= bias else -1.0
-
-    def whole(self, unknown: int) -> float:
-        """Return the standard deviation of the whole moment over that of the known part; as for `fitted`."""
-        return float(np.hypot(1.0, self._unknown * _UNKNOWN[unknown]))
-
-    def predicted_by(self, size: float, threshold: float, unknown: int) -> NonlinearGain:
-        """Return how well a size from other signals predicts the nonlinear part of these.
-
-        With y predicted and d measured, both whitened, the square of the residual is 2 d y - y^2 less than without the
-        prediction. Deviations are those of the jackknife over blocks.
-
-        Parameters
-        ----------
-        size : with its sign
-        threshold, unknown : as for `fitted`
-        """
-        along, weight = self._fit(threshold, self._unknown * float(_UNKNOWN[unknown]), float(np.sign(size)))
-        kept = ~np.eye(_BLOCKS, dtype=bool)
-        left_out = np.array([self._gain(size, along[k], weight[k]) for k in kept]) * _BLOCKS / (_BLOCKS - 1)
-        std = float(np.sqrt((_BLOCKS - 1) * left_out.var()))
-        return NonlinearGain(log_likelihood=Quantity(value=self._gain(size, along, weight), std=std, unit="-"))
-
-    def _gain(self, size: float, along: FloatArray, weight: FloatArray) -> float:
-        """Return the gain of log likelihood in blocks."""
-        return float(2 * size * along.sum() - size**2 * weight.sum()) / (2 * self._spread)
-
-    def fitted(self, bias: float, of_bias: float, threshold: float, unknown: int) -> tuple[float, float, float, float]:
-        """Return the log density, the share of the mean flexibility and its variance, and the time when open.
-
-        Parameters
-        ----------
-        bias, of_bias : size without a loss, and its variance
-        threshold : as for a rotation
-        unknown : number of the standard deviation of the unknown part, relative to that by the model
-        """
-        side = self.side(bias)
-        std = self._unknown * float(_UNKNOWN[unknown])
-        along, weight = (float(part.sum()) for part in self._fit(threshold, std, side))
-        open_time = float(scipy.stats.norm.sf(threshold))
-        scale = open_time * self.action.relief
-        log = self._prior + float(_UNKNOWN_LOG_DENSITY[unknown]) + 0.5 * along**2 / (self._spread * weight)
-        return log, side * scale * (along / weight - bias), scale**2 * (self._spread / weight + of_bias), open_time
-
-    def _fit(self, threshold: float, unknown: float, side: float = 1.0) -> tuple[FloatArray, FloatArray]:
-        """Return the products (n_blocks,) of the expected signals with the measured ones, and with themselves.
-
-        Parameters
-        ----------
-        threshold : moment at which it opens, over the standard deviation of the whole moment [-]
-        unknown : standard deviation of the unknown part of the moment, over that of the known part [-]
-        side : 1 if it opens under a positive moment, -1 under a negative one
-        """
-        moment = side * self._moment
-        std = float(moment.std())
-        above = moment - threshold * std * np.hypot(1.0, unknown)
-        score = above / (unknown * std)
-        rotation = above * scipy.special.ndtr(score) + unknown * std * np.exp(-0.5 * score**2) / np.sqrt(2 * np.pi)
-        # the part in proportion to the moment belongs to the mean flexibility
-        lines = self._window.rotation(rotation - (rotation @ moment) / (moment @ moment) * moment)
-        return self._window.products(lines, self._product), self._window.squares(lines * self._own)

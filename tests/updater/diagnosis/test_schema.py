@@ -12,6 +12,7 @@ import pytest
 from monitor.text.diagnosis import diagnosis_answer
 from tests.support.updater.diagnosis_data import Change, learnt
 from updater import Body, Circumstances, diagnose
+from updater.diagnosis import SignalEvidence
 from updater.quantities import Breathing, NonlinearGain, Opening
 
 KINDS = {
@@ -21,7 +22,7 @@ KINDS = {
     "unexplained": (204, Change(gain=tuple((c, 0.6) for c in ("col_037_x", "col_074_y", "beam_left_z", "beam_mid_y")))),
 }
 FACTORS = ("global_stiffness", "global_density")
-OWN = {"probability", "cannot_be_told_from", "alternatives", "breathing"}  # keys that alternatives have not
+OWN = {"probability", "cannot_be_told_from", "alternatives", "breathing", "signals"}  # keys that alternatives have not
 CAUSE = OWN | {"cause", "where", "parameters", "changes", "advice"}
 BREATHING = {"share", "open_time", "p_value", "opening", "heldout"}
 OPENING = {"member", "position", "axis", "flexibility", "closed", "mean", "moment", "opens"}
@@ -132,3 +133,4 @@ def test_breathing_has_the_keys_of_the_contract() -> None:
     assert set(Breathing.model_fields) == BREATHING
     assert set(Opening.model_fields) == OPENING
     assert set(NonlinearGain.model_fields) == {"log_likelihood"}
+    assert set(SignalEvidence.model_fields) == {"log_evidence", "decides"}

@@ -83,9 +83,22 @@ class Springs(Discrete):
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the correction of the evidence for a change of any order: the same about all axes, as of one loss."""
-        del rows
         least, most = np.multiply(_ORDERS, LOOSE)
-        return common_magnitude(theta, covariance, gaussian=float(self.prior_std[0]), least=least, most=most)
+        found = common_magnitude(theta, covariance, gaussian=float(self.prior_std[0]), least=least, most=most)
+        return found + self.opening(theta, rows)
+
+    def opening(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the log likelihood ratio (len(rows),) of opening and closing to none by the signals."""
+        known = self.comparison.circumstances
+        if self.name not in known.opening:
+            return np.zeros(len(rows))
+        lost = ((theta > 0) & self.active[rows]).any(1)
+        return np.where(lost, known.opening_at(self.name, self.places(theta, rows)), 0.0)
+
+    def places(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the node of each alternative (len(rows), 3) [m]."""
+        del theta
+        return np.array([self.connections[row].at for row in rows])
 
     def refined(self, log_density: FloatArray, theta: FloatArray) -> Self | None:
         """Return the same with a prior of the order of the best change, if that is larger than usual.

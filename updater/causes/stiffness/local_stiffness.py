@@ -60,6 +60,17 @@ class LocalStiffness(StiffnessLoss, Spread):
     name: str = "local_stiffness"
     advice: str = "Inspect this part of the member for a crack or a loose splice."
 
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the correction of the evidence for a loss of any order, and the evidence of the signals."""
+        return super().log_ratio(theta, covariance, rows) + self.opening(theta, rows)
+
+    def opening(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the log likelihood ratio (len(rows),) of opening and closing to none by the signals."""
+        known = self.comparison.circumstances
+        if self.name not in known.opening:
+            return np.zeros(len(rows))
+        return np.where(theta[:, 0] > 0, known.opening_at(self.name, self.places(theta, rows)), 0.0)
+
     @property
     def prior_std(self) -> FloatArray:
         """Of the logarithm, the shift, the length, and of how much more than half as much it is softer in shear."""

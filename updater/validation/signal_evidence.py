@@ -1,0 +1,88 @@
+"""Evidence for a loss of stiffness by the signals: it opens and closes, which no linear change does."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from daq import FloatArray
+from updater.causes import Cause, LocalStiffness, Springs
+from updater.inference import Fit
+from updater.modal_data import ModalMean, OpeningEvidence, Signals
+from updater.quantities import BREATHES
+from updater.validation.nonlinear_part import Loss, LossTests, probable_places, spacing
+
+_APART, _FINER = 0.06, 0.02  # of the longest member: distance of places; that of places near the significant ones
+_MAX_PLACES = 30  # of one cause, each time
+_LEAST_LOSS = 0.05  # of the logarithm of stiffness: the action of a smaller one, or of a gain, is found with it
+_DOUBTFUL = 0.05  # p value in the window alone, above which the window before the change is not tested
+
+
+def opening_evidence(event: ModalMean, parts: Sequence[Fit[Cause]], signals: Signals) -> Mapping[str, OpeningEvidence]:
+    """Return the evidence for each loss of stiffness by its name; empty if no place opens and closes significantly.
+
+    Half of all losses are assumed to open and close. The p value of the most significant place is multiplied by the
+    number of places and actions that are tested. Where it is significant, places in between are tested too.
+
+    Parameters
+    ----------
+    event : (n_tracks,) modes of the window
+    parts : fits of causes, each alone
+    signals : of the window, and of one before the change: forces that are not symmetric, such as blows from one side,
+        have a nonlinear part on a linear structure too
+    """
+    found = list[tuple[Fit[Any], LossTests, OpeningEvidence]]()
+    p_values = list[float]()
+    for part in parts:
+        cause = part.hypotheses
+        if isinstance(cause, LocalStiffness | Springs):
+            tests = LossTests.of(cause, event, signals.now, signals.before)
+            if tests is None:
+                return {}
+            evidence, own = _evidence(part, tests, _APART)
+            p_values += own
+            found.append((part, tests, evidence))
+    if not p_values or len(p_values) * min(p_values) >= BREATHES:
+        return {}
+    return {part.hypotheses.name: _refined(part, tests, evidence) for part, tests, evidence in found}
+
+
+def _evidence(part: Fit[Any], tests: LossTests, share: float) -> tuple[OpeningEvidence, list[float]]:
+    """Return the evidence at the probable places of a cause, and the p value of each test.
+
+    Parameters
+    ----------
+    share : distance of places over the longest member [-]
+    """
+    cause, apart = part.hypotheses, spacing(part.hypotheses, share)
+    rows = np.array(probable_places(cause, part, apart=apart, most=_MAX_PLACES))
+    theta = _at_least(cause, part.theta)
+    log_ratio, p_values = np.zeros(len(rows)), list[float]()
+    for k, row in enumerate(rows.tolist()):
+        each = list[float]()
+        for test in tests.at(theta[row], row):
+            doubtful = test.against(None)[2] > _DOUBTFUL
+            usual = None if doubtful else tests.before(test)
+            p_values.append(1.0 if doubtful else test.against(usual)[2])
+            each.append(0.0 if doubtful else test.log_likelihood(usual))
+        if each:
+            closes = float(np.logaddexp.reduce(each)) - np.log(len(each))
+            log_ratio[k] = np.logaddexp(0.0, closes) - np.log(2)
+    return OpeningEvidence(position=cause.places(part.theta[rows], rows), log_ratio=log_ratio, reach=apart), p_values
+
+
+def _refined(part: Fit[Any], tests: LossTests, evidence: OpeningEvidence) -> OpeningEvidence:
+    """Return the evidence at places that are closer together, the most probable ones by modes and signals."""
+    cause = part.hypotheses
+    if isinstance(cause, Springs):
+        return evidence
+    own = evidence.at(cause.places(part.theta, np.arange(len(part.theta))))
+    return _evidence(replace(part, log_density=part.log_density + own), tests, _FINER)[0]
+
+
+def _at_least(cause: Loss, theta: FloatArray) -> FloatArray:
+    """Return parameters (n, n_parameters) that are losses: the action at a place does not depend on their size."""
+    if isinstance(cause, Springs):
+        return theta
+    return np.column_stack([np.maximum(theta[:, 0], _LEAST_LOSS), theta[:, 1:]])
