@@ -2,34 +2,52 @@
 
 import argparse
 import time
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from daq import FloatArray
+from daq import FloatArray, Recording
 from tests.support.updater.unmeasured_points import UnmeasuredPoints, unmeasured_points
-from updater.validation import Fibre, ResponseModel
+from updater.validation import Fibre, ResponseModel, learn_predictors
 
 _SPECIMENS = ("frame", "portal", "bridge", "mast")
 _LEARN, _ESTIMATE = 60.0, 30.0  # s at 1 kHz, or as many samples
 
 
-def _errors(case: UnmeasuredPoints, seed: int) -> tuple[FloatArray, FloatArray, float]:
-    """Return error over deviation (n, n_places), relative rms errors (n_places,), CPU time per recorded time."""
-    model = ResponseModel.learn(case.reference, case.record(_LEARN, seed)[0])
-    recording, truth = case.record(_ESTIMATE, seed + 1000)
+Errors = tuple[FloatArray, FloatArray]  # error over deviation (n, n_places), relative rms errors (n_places,)
+
+
+def _compared(found: FloatArray, exact: FloatArray, std: FloatArray) -> Errors:
+    """Return the errors of estimates (n_samples, n_places), which are NaN before they have settled."""
+    settled = np.isfinite(found[:, 0])
+    error = (found - exact)[settled]
+    return error / std, error.std(0) / exact[settled].std(0)
+
+
+def _errors(case: UnmeasuredPoints, model: ResponseModel, recording: Recording, truth: FloatArray) -> Errors:
+    """Return the errors at places without a sensor."""
     found = model.estimate(recording, case.points)
-    settled = np.isfinite(found.recording.data[:, 0])
     sections = butter(4, found.band, "bandpass", fs=recording.rate, output="sos")
-    exact = sosfiltfilt(sections, truth, axis=0)[settled]
-    error = found.recording.data[settled] - exact
+    return _compared(found.recording.data, sosfiltfilt(sections, truth, axis=0), found.std)
+
+
+def _cost(case: UnmeasuredPoints, model: ResponseModel, recording: Recording) -> float:
+    """Return the CPU time of the filter per recorded time [-]."""
     kalman = model.filter(case.points)
     data = recording.data[: int(recording.rate)]
     begin = time.process_time()
     for _ in range(5):
         kalman.run(data)
-    cost = (time.process_time() - begin) / 5  # of 1000 samples, on the scale of a record at 1 kHz
-    return error / found.std, error.std(0) / exact.std(0), cost * 1000 / len(data)
+    return (time.process_time() - begin) / 5 * 1000 / len(data)  # of 1000 samples, on the scale of 1 kHz
+
+
+def _print_row(title: str, errors: Sequence[Errors], cost: str) -> None:
+    ratio = np.abs(np.concatenate([own.ravel() for own, _ in errors]))
+    relative = np.concatenate([own for _, own in errors])
+    shares = " | ".join(f"{100 * np.mean(ratio < k):.0f} %" for k in (1, 2))
+    quantiles = " | ".join(f"{100 * np.quantile(relative, q):.1f} %" for q in (0.5, 0.95))
+    print(f"| {title} | {len(relative)} | {shares} | {quantiles} | {cost} |", flush=True)
 
 
 def main() -> None:
@@ -41,16 +59,28 @@ def main() -> None:
     print("| specimen | signal | places | within 1 | within 2 deviations | error: median | 95 % of places | cost |")
     print("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |")
     for which in _SPECIMENS:
-        cases = [unmeasured_points(which, seed) for seed in range(n)]
-        found = [_errors(case, seed) for seed, case in enumerate(cases)]
-        cost = np.median([c for _, _, c in found])
-        strained = np.array([isinstance(point, Fibre) for point in cases[0].points])
+        points: list[Errors] = []
+        without: list[Errors] = []
+        sensors: list[Errors] = []
+        costs = []
+        for seed in range(n):
+            case = unmeasured_points(which, seed)
+            sample = case.record(_LEARN, seed)[0]
+            recording, truth = case.record(_ESTIMATE, seed + 1000)
+            model = ResponseModel.learn(case.reference, sample)
+            points.append(_errors(case, model, recording, truth))
+            costs.append(_cost(case, model, recording))
+            for predictor in learn_predictors(case.reference, sample):
+                found = predictor.predict(recording)
+                sensors.append(_compared(found.predicted, found.measured.data, found.std))
+                without.append(_errors(case, predictor.model, recording, truth))
+        strained = np.array([isinstance(point, Fibre) for point in case.points])
+        cost = f"{100 * np.median(costs):.2f} %"
         for signal, own in (("acceleration", ~strained), ("stress", strained)):
-            ratio = np.concatenate([np.abs(r[:, own]).ravel() for r, _, _ in found])
-            relative = np.concatenate([e[own] for _, e, _ in found])
-            shares = " | ".join(f"{100 * np.mean(ratio < k):.0f} %" for k in (1, 2))
-            errors = " | ".join(f"{100 * np.quantile(relative, q):.1f} %" for q in (0.5, 0.95))
-            print(f"| {which} | {signal} | {len(relative)} | {shares} | {errors} | {100 * cost:.2f} % |", flush=True)
+            for state, errors in ((signal, points), (f"{signal}, one place fewer", without)):
+                kept = [(ratio[:, own], relative[own]) for ratio, relative in errors]
+                _print_row(f"{which} | {state}", kept, cost if errors is points else "")
+        _print_row(f"{which} | sensor, from the other places", sensors, "")
 
 
 if __name__ == "__main__":

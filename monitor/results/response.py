@@ -37,6 +37,16 @@ class SectionStress(PlainValue):
         return years[0], years[1], years[2]
 
 
+class SensorError(PlainValue):
+    """Prediction of a sensor from those at other places, compared with its signal in the band."""
+
+    channel: str
+    rms: float  #: root mean square of the signal [m/s2]
+    error: float  #: root mean square of the difference [m/s2]
+    std: float  #: stated standard deviation of the prediction [m/s2]
+    within_two: float  #: share of the samples within two standard deviations [-]
+
+
 class ResponseFound(PlainValue):
     """Response of logs at points and sections."""
 
@@ -45,3 +55,4 @@ class ResponseFound(PlainValue):
     seconds: float  #: length of the estimated signals [s]
     motions: list[Motion]
     sections: list[SectionStress]
+    sensors: list[SensorError]  #: empty unless they are predicted

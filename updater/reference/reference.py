@@ -1,5 +1,6 @@
 """The reference: a calibrated model, one-step updated to the baseline's modes, and the baseline's own statistics."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -136,6 +137,15 @@ class Reference:
             imaginary_std=joined(known.imaginary_std, np.ones(predicted.shape)),
         )
         return whole.at_unit_norm()
+
+    def without(self, channels: Collection[str]) -> "Reference":
+        """Return the reference with shapes that are expanded from the other channels alone.
+
+        The calibrated model, frequencies and damping stay as they are.
+        """
+        baseline = self.baseline.at(tuple(c for c in self.baseline.channels if c not in channels))
+        modes = first_stage(self.model, self.calibration.modes, self.paired, baseline)
+        return replace(self, baseline=baseline, shape=modes.shape)
 
     def with_own_error(self, share: float) -> "Reference":
         """Return the reference with a share of the errors that are assumed for a model's own frequencies and shapes.

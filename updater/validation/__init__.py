@@ -22,11 +22,16 @@ if TYPE_CHECKING:
     from updater.validation.response.fatigue import damage_rate as damage_rate
     from updater.validation.response.kalman_filter import ModalKalmanFilter as ModalKalmanFilter
     from updater.validation.response.modal_system import MotionQuantity as MotionQuantity
+    from updater.validation.response.response_model import Place as Place
     from updater.validation.response.response_model import Point as Point
     from updater.validation.response.response_model import ResponseEstimate as ResponseEstimate
     from updater.validation.response.response_model import ResponseModel as ResponseModel
+    from updater.validation.response.response_model import SensorSignal as SensorSignal
     from updater.validation.response.section_stress import Fibre as Fibre
     from updater.validation.response.section_stress import edge_fibres as edge_fibres
+    from updater.validation.response.sensor_prediction import PredictedSensors as PredictedSensors
+    from updater.validation.response.sensor_prediction import SensorPredictor as SensorPredictor
+    from updater.validation.response.sensor_prediction import learn_predictors as learn_predictors
     from updater.validation.shape_expansion import ModelModes as ModelModes
     from updater.validation.shape_expansion import ModelPartner as ModelPartner
     from updater.validation.shape_expansion import expand_measured as expand_measured

@@ -2,8 +2,8 @@
 
 At every line of the spectrum the signals are y = Phi H p + v, with modal forces p of one real covariance at all lines
 and independent noise v of each sensor. The expectation-maximisation algorithm of a factor model maximises the Whittle
-likelihood: the posterior second moments of p and v are averaged over the lines (Rubin & Thayer, eqs 6 and 7). Errors of
-the shapes are part of v.
+likelihood: the posterior second moments of p and v are averaged over the lines (Rubin & Thayer, eqs 6 and 7). As many
+sensors as modes explain each other with little noise, whatever the errors of the shapes: these are added to v.
 
 References
 ----------
@@ -34,6 +34,18 @@ class Excitation:
 
     force: FloatArray  #: (n_modes, n_modes) of the modal forces [N2/(kg Hz)]
     noise: FloatArray  #: (n_channels,) of the sensors [(m/s2)^2/Hz]
+
+    def with_shape_errors(self, lines: FloatArray, system: ModalSystem, std: FloatArray) -> "Excitation":
+        """Return densities with the errors of the shapes at the sensors as noise, by their mean over a band.
+
+        Parameters
+        ----------
+        lines : (n_lines,) of the band, at one spacing [Hz]
+        system : modes
+        std : (n_modes,) standard deviation of a component of a mass-normalised shape [kg^-1/2]
+        """
+        motion = (np.abs(system.accelerance(lines)) ** 2).mean(0) * np.diag(self.force)
+        return Excitation(force=self.force, noise=self.noise + float(motion @ std**2))
 
 
 def spectral_matrices(

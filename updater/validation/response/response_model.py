@@ -1,7 +1,10 @@
 """Response of a structure where there is no sensor, with its standard deviation: motion, and stresses of sections."""
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
 import scipy  # its parts at their first use
@@ -9,7 +12,7 @@ import scipy  # its parts at their first use
 from daq import Channel, FloatArray, IndexArray, Recording
 from oma.preparation import gapless_stretches
 from updater.errors import ModalDataError
-from updater.reference import Reference, channel_rows, first_stage
+from updater.reference import Reference, channel_rows
 from updater.validation.response.excitation import Excitation, estimate_excitation, spectral_matrices
 from updater.validation.response.kalman_filter import ModalKalmanFilter, Outputs
 from updater.validation.response.modal_system import (
@@ -44,11 +47,27 @@ class Point:
         return f"{self.quantity}_{_AXES[self.axis]} at {' '.join(f'{value:g}' for value in self.at)}"
 
 
+@dataclass(frozen=True, kw_only=True)
+class SensorSignal:
+    """Acceleration along a sensor of the structure, with its gain."""
+
+    channel: str
+    quantity: Literal["acceleration"] = "acceleration"
+
+    @property
+    def name(self) -> str:
+        """Name of the signal: the channel's."""
+        return self.channel
+
+
+Place = Point | Fibre | SensorSignal  #: of a signal
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ResponseEstimate:
     """Estimated signals at points without a sensor."""
 
-    points: tuple[Point | Fibre, ...]
+    points: tuple[Place, ...]
     recording: Recording  #: (n_samples, n_points) [m, m/s, m/s2 or Pa], NaN about gaps of the measured signals
     std: FloatArray  #: (n_points,) standard deviation of the error in the band, constant over the recording
     band: tuple[float, float]  #: of the signals [Hz]
@@ -92,7 +111,7 @@ class ResponseModel:
         """
         channels = reference.baseline.channels
         data = _signals(recording, channels)
-        places = len({sensor.at for sensor in reference.structure.corrected_sensors if sensor.channel in channels})
+        places = len(places_of(reference))
         if places < _LEAST_PLACES:
             raise ModalDataError(f"measured places: expected at least {_LEAST_PLACES}, found {places}")
         measured = np.exp(reference.baseline.log_frequency)
@@ -110,9 +129,10 @@ class ResponseModel:
             raise ModalDataError(f"recording: {(stop - start) / recording.rate:.3g} s without a gap are too short")
         longest = data[start:stop] - data[start:stop].mean(0)
         lines, matrices = spectral_matrices(longest, recording.rate, band, system)
-        excitation = estimate_excitation(lines, matrices, system, shape)
         share = places / (places - 2)
         error = np.sqrt(share) * shape_error(reference)[modes]
+        size = np.sqrt((shape**2).mean(0))
+        excitation = estimate_excitation(lines, matrices, system, shape).with_shape_errors(lines, system, error * size)
         model = cls(
             reference=reference,
             channels=channels,
@@ -127,7 +147,7 @@ class ResponseModel:
         _, innovation = model._run(data, Outputs(state=np.zeros((0, 2 * len(modes))), force=np.zeros((0, len(modes)))))
         return replace(model, innovation=_root_mean_square(innovation))
 
-    def filter(self, points: Sequence[Point | Fibre]) -> ModalKalmanFilter:
+    def filter(self, points: Sequence[Place]) -> ModalKalmanFilter:
         """Return a filter that estimates the response at points, block by block.
 
         Raises
@@ -137,7 +157,7 @@ class ResponseModel:
         """
         return self._filter(self._outputs(points, self._modal(points)[0]))
 
-    def estimate(self, recording: Recording, points: Sequence[Point | Fibre]) -> ResponseEstimate:
+    def estimate(self, recording: Recording, points: Sequence[Place]) -> ResponseEstimate:
         """Estimate the response at points; the structure must not have changed.
 
         The band-pass filter has no phase; the Kalman filter starts anew after each gap.
@@ -168,7 +188,7 @@ class ResponseModel:
         estimates, innovation = self._run(data, every)
         level = float(np.sqrt(np.mean((_root_mean_square(innovation) / self.innovation) ** 2)))
         signals, others = estimates[:, : len(points)], estimates[:, len(points) :]
-        squares = dict(zip(modal, np.split(_root_mean_square(others) ** 2, len(modal)), strict=True))
+        squares = dict(zip(modal, _root_mean_square(others).reshape(len(modal), len(self.modes)) ** 2, strict=True))
         by_shape = np.array([squares[quantity] @ own**2 for quantity, own in zip(quantities, error, strict=True)])
         lines = np.geomspace(_SKIRT[0] * self.band[0], min(_SKIRT[1] * self.band[1], self.rate / 2), _LINES)
         _, gain = scipy.signal.freqz_sos(self._band_pass(), lines, fs=self.rate)
@@ -187,7 +207,20 @@ class ResponseModel:
             level=level,
         )
 
-    def _modal(self, points: Sequence[Point | Fibre]) -> tuple[FloatArray, FloatArray]:
+    def in_band(self, recording: Recording) -> Recording:
+        """Return a recording in the band of the estimates, NaN where these do not settle.
+
+        Raises
+        ------
+        ModalDataError
+            If no stretch without gaps is long enough.
+        """
+        signals = np.full_like(recording.data, np.nan)
+        for part, settled in self._stretches(recording.data):
+            signals[settled] = part[self._settling : -self._settling]
+        return replace(recording, data=signals)
+
+    def _modal(self, points: Sequence[Place]) -> tuple[FloatArray, FloatArray]:
         """Return the values (n_points, n_modes) of unit modal coordinates, and their standard deviations."""
         size = np.sqrt((self.reference.at_channels(self.channels)[:, self.modes] ** 2).mean(0))
         rows, error = np.empty((2, len(points), len(self.modes)))
@@ -198,12 +231,15 @@ class ResponseModel:
             motion = np.asarray(reader @ self.reference.shape[:, self.modes]).reshape(len(places), 6, -1)
             rows[moving] = motion[np.arange(len(places)), [point.axis for point in places]]
             error[moving] = self.shape_error * size
+        sensed = [i for i, point in enumerate(points) if isinstance(point, SensorSignal)]
+        own = tuple(point.channel for point in points if isinstance(point, SensorSignal))
+        rows[sensed], error[sensed] = self.reference.at_channels(own)[:, self.modes], self.shape_error * size
         strained = [i for i, point in enumerate(points) if isinstance(point, Fibre)]
         stress, along = modal_stress(self.reference, [point for point in points if isinstance(point, Fibre)])
         rows[strained], error[strained] = stress[:, self.modes], self.shape_error * along[:, self.modes]
         return rows, error
 
-    def _outputs(self, points: Sequence[Point | Fibre], rows: FloatArray) -> Outputs:
+    def _outputs(self, points: Sequence[Place], rows: FloatArray) -> Outputs:
         parts = [self.system.outputs(_derivative(point)) for point in points]
         n = len(self.modes)
         return Outputs(
@@ -221,26 +257,35 @@ class ResponseModel:
 
     def _run(self, data: FloatArray, outputs: Outputs) -> tuple[FloatArray, FloatArray]:
         """Return outputs (n_samples, n_outputs) and innovations (n_samples, n_channels), NaN where none is settled."""
-        sections = self._band_pass()
         estimates = np.full((len(data), len(outputs.state)), np.nan)
         innovations = np.full(data.shape, np.nan)
-        for start, stop in gapless_stretches(data):
-            kalman = self._filter(outputs)
-            settling = max(kalman.settling, round(_PERIODS * self.rate / self.band[0]))
-            if stop - start <= 2 * settling:
-                continue
-            part = data[start:stop] - data[start:stop].mean(0)
-            estimate, innovation = kalman.run(scipy.signal.sosfiltfilt(sections, part, axis=0))
-            estimates[start + settling : stop - settling] = estimate[settling:-settling]
-            innovations[start + settling : stop - settling] = innovation[settling:-settling]
-        if np.isnan(innovations).all():
-            raise ModalDataError("recording: no stretch without a gap is long enough for the filter to settle")
+        for part, settled in self._stretches(data):
+            estimate, innovation = self._filter(outputs).run(part)
+            estimates[settled] = estimate[self._settling : -self._settling]
+            innovations[settled] = innovation[self._settling : -self._settling]
         return estimates, innovations
 
+    def _stretches(self, data: FloatArray) -> Iterator[tuple[FloatArray, slice]]:
+        """Yield the stretches without gaps in the band, and the samples at which filters that begin there settle."""
+        sections, settling = self._band_pass(), self._settling
+        long = [(start, stop) for start, stop in gapless_stretches(data) if stop - start > 2 * settling]
+        if not long:
+            raise ModalDataError("recording: no stretch without a gap is long enough for the filter to settle")
+        for start, stop in long:
+            part = data[start:stop] - data[start:stop].mean(0)
+            yield scipy.signal.sosfiltfilt(sections, part, axis=0), slice(start + settling, stop - settling)
 
-def _derivative(point: Point | Fibre) -> MotionQuantity:
+    @cached_property
+    def _settling(self) -> int:
+        """Number of samples after which the filters have settled."""
+        n = len(self.modes)
+        kalman = self._filter(Outputs(state=np.zeros((0, 2 * n)), force=np.zeros((0, n))))
+        return max(kalman.settling, round(_PERIODS * self.rate / self.band[0]))
+
+
+def _derivative(point: Place) -> MotionQuantity:
     """Return the derivative of the modal coordinates that a signal is made of."""
-    return point.quantity if isinstance(point, Point) else "displacement"
+    return "displacement" if isinstance(point, Fibre) else point.quantity
 
 
 def _signals(recording: Recording, channels: tuple[str, ...]) -> FloatArray:
@@ -252,6 +297,15 @@ def _signals(recording: Recording, channels: tuple[str, ...]) -> FloatArray:
     return recording.data[:, [present[name] for name in channels]]
 
 
+def places_of(reference: Reference) -> tuple[tuple[str, ...], ...]:
+    """Return the channels of the baseline, place by place."""
+    at = {sensor.channel: sensor.at for sensor in reference.structure.corrected_sensors}
+    places: defaultdict[tuple[float, ...], list[str]] = defaultdict(list)
+    for channel in reference.baseline.channels:
+        places[at[channel]].append(channel)
+    return tuple(map(tuple, places.values()))
+
+
 def _root_mean_square(data: FloatArray) -> FloatArray:
     """Return the root mean square (n_columns,) of data (n, n_columns) with NaN in whole rows."""
     return np.asarray(np.sqrt(np.nanmean(data**2, axis=0)))
@@ -260,26 +314,23 @@ def _root_mean_square(data: FloatArray) -> FloatArray:
 def shape_error(reference: Reference) -> FloatArray:
     """Return the root mean square error (n_modes,) of a mode's shape over that of the shape, both at the sensors [-].
 
-    Each sensor in turn is left out of the expansion of the measured modes (eqs 9 to 12). The difference between its
-    measured component and the expanded one is the error at a place without a sensor.
-    For modes without a measured counterpart it is the median of the others.
+    The sensors of each place in turn are left out of the expansion of the measured modes (eqs 9 to 12). The difference
+    between their measured components and the expanded ones is the error at a place without a sensor. For modes without
+    a measured counterpart it is the median of the others.
 
     Parameters
     ----------
-    reference : with measured shapes of at least 3 channels
+    reference : with measured shapes at two places at least
     """
     baseline, paired = reference.baseline, reference.paired
-    channels = baseline.channels
-    rows = channel_rows(reference.model, channels)
-    error = np.empty((len(paired), len(channels)))
-    for i in range(len(channels)):
-        others = np.delete(np.arange(len(channels)), i)
-        modes = first_stage(
-            reference.model, reference.calibration.modes, paired, baseline.at(tuple(channels[k] for k in others))
-        )
-        expanded, measured = (rows @ modes.shape[:, paired]).T, baseline.shape
-        scale = (measured * expanded)[:, others].sum(1) / (measured[:, others] ** 2).sum(1)
-        error[:, i] = expanded[:, i] - scale * measured[:, i]
+    rows = channel_rows(reference.model, baseline.channels)
+    error = np.empty((len(paired), len(baseline.channels)))
+    for place in places_of(reference):
+        own = np.isin(baseline.channels, place)
+        expanded = (rows @ reference.without(place).shape[:, paired]).T
+        seen = baseline.shape[:, ~own]
+        scale = (seen * expanded[:, ~own]).sum(1, keepdims=True) / (seen**2).sum(1, keepdims=True)
+        error[:, own] = expanded[:, own] - scale * baseline.shape[:, own]
     size = ((rows @ reference.shape[:, paired]) ** 2).sum(0)
     share = np.sqrt((error**2).sum(1) / size)
     every = np.full(len(reference.frequency), float(np.median(share)))

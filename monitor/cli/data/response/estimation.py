@@ -23,19 +23,22 @@ from monitor.cli.options import DONE
 from monitor.cli.output import write_json
 from monitor.cli.terminal import console, echo, progress
 from monitor.errors import ArgumentError
-from monitor.results.response import Motion, ResponseFound, SectionStress
+from monitor.results.response import Motion, ResponseFound, SectionStress, SensorError
 from monitor.text.quantities import utc
 from updater import ModalDataError, ModelError, Structure, UpdaterError, load_structure
 from updater.quantities import Quantity, Vector, vector
 from updater.validation import (
     Fibre,
     MotionQuantity,
+    Place,
     Point,
+    PredictedSensors,
     ResponseEstimate,
     ResponseModel,
     count_cycles,
     damage_rate,
     edge_fibres,
+    learn_predictors,
 )
 
 _AXES: tuple[Literal["x"], Literal["y"], Literal["z"]] = ("x", "y", "z")
@@ -53,6 +56,7 @@ class Request:
     reference: Sequence[Path]
     points: Sequence[str]  #: MEMBER:DISTANCE:AXIS[:QUANTITY]
     sections: Sequence[str]  #: MEMBER:DISTANCE
+    sensors: bool  #: whether each sensor is predicted from those at other places
     category: float  #: detail category [Pa]
     window: float | None  #: of the reference [s]
     within: TimeRange  #: of the logs
@@ -63,7 +67,7 @@ def estimate_response(request: Request, out: Path | None, json: Path | None) -> 
     structure = load_structure(request.structure)
     points = [_point(structure, text) for text in request.points]
     sections = [_section(structure, text) for text in request.sections]
-    places: list[Point | Fibre] = [*points, *(fibre for section in sections for fibre in section)]
+    places: list[Place] = [*points, *(fibre for section in sections for fibre in section)]
     with progress("reading") as work:
         before = observe_logs(structure, request.reference, request.window, "reference", work, Selection(), WHOLE)
         before, _ = of_one_state(before)
@@ -72,33 +76,41 @@ def estimate_response(request: Request, out: Path | None, json: Path | None) -> 
             if before.sample is None:
                 raise ModalDataError("expected logs, found tables of modes")
             model = ResponseModel.learn(reference_of(structure, before), before.sample)
+            predictors = learn_predictors(model.reference, before.sample) if request.sensors else ()
         except UpdaterError as error:
             raise LogError(", ".join(map(str, request.reference)), str(error)) from error
         logs = request.within.of_logs(as_logs(request.logs), echo)
         work.windows_of("logs", logs)
-        estimates, removed, problem = [], model.reference.delays.seconds, "there are no data"
+        removed, problem = model.reference.delays.seconds, "there are no data"
+        estimates: list[ResponseEstimate] = []
+        predicted: list[list[PredictedSensors]] = []
         for recording in sensor_recordings(structure, logs, _WINDOW, ()):
             work.window(recording.start)
             try:
-                estimates.append(model.estimate(without_delays(recording, removed, structure.delays), places))
+                signals = without_delays(recording, removed, structure.delays)
+                estimate = model.estimate(signals, places)
+                predicted.append([predictor.predict(signals) for predictor in predictors])
+                estimates.append(estimate)
             except ModalDataError as error:
                 problem = str(error)
                 echo(f"{utc(recording.start)}: left out: {problem}")
         if not estimates:
             raise LogError(", ".join(map(str, request.logs)), f"no window can be estimated: {problem}")
-        joined = _joined(estimates) if out else None
+        recordings = [_all_signals(*pair) for pair in zip(estimates, predicted, strict=True)]
+        joined = _joined(recordings) if out else None
         work.stage("counting cycles")
         found = ResponseFound(
             band=model.band,
             level=float(np.sqrt(np.mean([estimate.level**2 for estimate in estimates]))),
-            seconds=sum(float(np.isfinite(e.recording.data[:, 0]).sum()) / e.recording.rate for e in estimates),
+            seconds=sum(float(np.isfinite(one.data[:, 0]).sum()) / one.rate for one in recordings),
             motions=[_motion(estimates, i) for i in range(len(points))],
             sections=[_section_stress(estimates, places.index(own[0]), own, request.category) for own in sections],
+            sensors=[_sensor_error(own, i) for own in zip(*predicted, strict=True) for i in range(len(own[0].std))],
         )
     say_response(console, found)
     if out and joined:
         export_recording(out, joined)
-        echo(f"written: {out}: {len(places)} signals in m, m/s, m/s2 and Pa")
+        echo(f"written: {out}: {len(joined.channels)} signals in m, m/s, m/s2 and Pa")
     if json:
         write_json(json, found.model_dump(mode="json"))
     return DONE
@@ -192,14 +204,41 @@ def _size(estimates: Sequence[ResponseEstimate], i: int) -> tuple[float, float, 
     return float(np.sqrt(np.mean(signal**2))), float(std), float(np.abs(signal).max())
 
 
-def _joined(estimates: Sequence[ResponseEstimate]) -> Recording:
+def _sensor_error(windows: Sequence[PredictedSensors], i: int) -> SensorError:
+    """Return the error of the prediction of a sensor."""
+    measured, found = (
+        np.concatenate([(own.measured.data if which else own.predicted)[:, i] for own in windows]) for which in (1, 0)
+    )
+    settled = np.isfinite(found)
+    measured, error = measured[settled], (found - measured)[settled]
+    std = float(np.sqrt(np.mean([own.std[i] ** 2 for own in windows])))
+    return SensorError(
+        channel=windows[0].measured.channels[i].name,
+        rms=float(np.sqrt(np.mean(measured**2))),
+        error=float(np.sqrt(np.mean(error**2))),
+        std=std,
+        within_two=float(np.mean(np.abs(error) < 2 * std)),
+    )
+
+
+def _all_signals(estimate: ResponseEstimate, predicted: Sequence[PredictedSensors]) -> Recording:
+    """Return the estimated signals of a window, then those of the sensors, measured and predicted."""
+    channels, data = [*estimate.recording.channels], [estimate.recording.data]
+    for own in predicted:
+        channels += own.measured.channels
+        channels += [replace(channel, name=f"{channel.name} predicted") for channel in own.measured.channels]
+        data += [own.measured.data, own.predicted]
+    return replace(estimate.recording, channels=tuple(channels), data=np.hstack(data))
+
+
+def _joined(recordings: Sequence[Recording]) -> Recording:
     """Return the signals of all windows in one recording, NaN between them."""
-    first = min(estimates, key=lambda estimate: estimate.recording.start).recording
-    at = [round((e.recording.start - first.start) * 1e-9 * first.rate) for e in estimates]
-    n = max(start + len(e.recording.data) for start, e in zip(at, estimates, strict=True))
-    if n > _SPARSE * sum(len(e.recording.data) for e in estimates):
+    first = min(recordings, key=lambda one: one.start)
+    at = [round((one.start - first.start) * 1e-9 * first.rate) for one in recordings]
+    n = max(start + len(one.data) for start, one in zip(at, recordings, strict=True))
+    if n > _SPARSE * sum(len(one.data) for one in recordings):
         raise ArgumentError("--out", "the logs are far apart: give them one by one")
     data = np.full((n, len(first.channels)), np.nan)
-    for start, estimate in zip(at, estimates, strict=True):
-        data[start : start + len(estimate.recording.data)] = estimate.recording.data
+    for start, one in zip(at, recordings, strict=True):
+        data[start : start + len(one.data)] = one.data
     return replace(first, data=data)

@@ -33,6 +33,10 @@ def response(
     detail: Annotated[
         float, Option(metavar="MPA", help="Detail category of the sections: range at 2 million cycles (EN 1993-1-9).")
     ] = 71.0,
+    sensors: Annotated[
+        bool,
+        Option("--sensors", help="Predict the sensors of each place from those of the others, and state the errors."),
+    ] = False,
     window: Annotated[
         float | None,
         Option(metavar="S", help="Length of a window of the reference [s]. Default: by the first mode.", min=0.1),
@@ -54,14 +58,15 @@ def response(
     Example:
     modalwatch response structure.toml now.mcap --reference before.mcap --at beam:0.1:z:displacement
     modalwatch response structure.toml now.mcap --reference before.mcap --stress column:0.05 --detail 80
+    modalwatch response structure.toml now.mcap --reference before.mcap --sensors
     """
     from monitor.analysis.time_range import time_range
     from monitor.cli.data.response.estimation import Request, estimate_response
     from monitor.cli.output import check_outputs, replacing
     from monitor.errors import ArgumentError
 
-    if not (at or stress):
-        raise ArgumentError("--at, --stress", "expected a place or a section, found none")
+    if not (at or stress or sensors):
+        raise ArgumentError("--at, --stress, --sensors", "expected a place, a section or --sensors, found none")
     if not detail > 0:
         raise ArgumentError("--detail", f"expected a positive range in MPa, found {detail:g}")
     check_outputs({"--json": json}, force=force)
@@ -71,6 +76,7 @@ def response(
         reference=reference,
         points=at or (),
         sections=stress or (),
+        sensors=sensors,
         category=1e6 * detail,
         window=window,
         within=time_range(start, stop),

@@ -6,7 +6,7 @@ from rich.console import Console
 
 from daq.notebook import number_text, rounded_text
 from monitor.cli.terminal import new_table
-from monitor.results.response import Motion, ResponseFound, SectionStress
+from monitor.results.response import Motion, ResponseFound, SectionStress, SensorError
 from monitor.text.quantities import aligned_numbers, duration_words, two_digits
 
 _SHOWN = {"m/s2": ("m/s2", 1.0), "m/s": ("mm/s", 1e3), "m": ("mm", 1e3)}
@@ -26,6 +26,8 @@ def say_response(console: Console, found: ResponseFound) -> None:
         _say_motions(console, found.motions)
     if found.sections:
         _say_sections(console, found.sections)
+    if found.sensors:
+        _say_sensors(console, found.sensors)
 
 
 def _say_motions(console: Console, motions: Sequence[Motion]) -> None:
@@ -60,6 +62,20 @@ def _say_sections(console: Console, sections: Sequence[SectionStress]) -> None:
         f"largest: range from valley to peak; life: at detail category {_MPA * sections[0].category:g} of EN 1993-1-9, "
         "by the vibration of these logs alone, without partial factors; from and to with stresses a standard deviation "
         "larger and smaller",
+        style="dim",
+        soft_wrap=True,
+    )
+
+
+def _say_sensors(console: Console, sensors: Sequence[SensorError]) -> None:
+    table = new_table(("sensor",), ("rms [m/s2]", "error", "stated deviation", "within 2 deviations"))
+    for own in sensors:
+        shares = (own.error / own.rms, own.std / own.rms, own.within_two) if own.rms else ()
+        table.add_row(own.channel, f"{own.rms:.3g}", *(f"{100 * share:.0f} %" for share in shares))
+    console.print(table)
+    console.print(
+        "error: root mean square of the difference from the prediction by the sensors at other places, and stated "
+        "deviation, both relative to the signal; about 95 % of the samples are expected within 2 deviations",
         style="dim",
         soft_wrap=True,
     )

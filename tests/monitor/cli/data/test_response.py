@@ -79,6 +79,28 @@ def test_motion_and_stress_are_within_their_deviations(
     assert np.nanstd(signal) == pytest.approx(acceleration["rms"]["value"], rel=1e-6)
 
 
+def test_sensors_are_predicted_from_the_other_places(modalwatch: Commands, folder: Path) -> None:
+    done = modalwatch(
+        "response", folder / "structure.toml", folder / "now.mcap", "--reference", folder / "before.mcap",
+        "--sensors", "-o", folder / "sensors.csv", "--json", folder / "sensors.json",
+    )  # fmt: skip
+    assert (done.code, done.err) == (0, ""), done
+    sensors = json.loads((folder / "sensors.json").read_text())["sensors"]
+    assert len(sensors) == 12
+    assert np.mean([own["within_two"] for own in sensors]) > 0.8  # one specimen: all samples share errors of shape
+    assert np.median([own["error"] / own["rms"] for own in sensors]) < 0.25
+    assert "within 2 deviations" in done.out
+    assert "24 signals" in done.out
+    with (folder / "sensors.csv").open(encoding="utf-8") as file:
+        names, *rows = [row for row in csv.reader(file) if not row[0].startswith("#")]
+    own = sensors[0]
+    measured, predicted = (
+        np.array([float(row[names.index(name)] or "nan") for row in rows])
+        for name in (own["channel"], f"{own['channel']} predicted")
+    )
+    assert np.sqrt(np.nanmean((predicted - measured) ** 2)) == pytest.approx(own["error"], rel=1e-6)
+
+
 def test_snippet_of_the_page_runs(case: UnmeasuredPoints) -> None:
     (code,) = code_blocks(Path(__file__).parents[4] / "docs" / "howto" / "data" / "response.md")
     signals = {"recording": case.record(30.0, 1)[0], "later": case.record(20.0, 2)[0]}
@@ -145,7 +167,7 @@ def test_axes_that_were_recorded_but_not_analysed_are_within_the_deviations() ->
 @pytest.mark.parametrize(
     ("options", "reported"),
     [
-        ((), "--at, --stress: expected a place or a section, found none"),
+        ((), "--at, --stress, --sensors: expected a place, a section or --sensors, found none"),
         (("--at", "column:0.3"), "--at: expected MEMBER:DISTANCE:AXIS[:displacement|velocity|acceleration]"),
         (("--at", "column:0.3:x:speed"), "--at: expected MEMBER:DISTANCE:AXIS"),
         (("--at", "column:0.3:x:velocity:x"), "--at: expected MEMBER:DISTANCE:AXIS"),

@@ -136,11 +136,12 @@ def test_integrated_truth_is_within_the_deviations(
 
 
 def test_snippet_of_the_page_runs(frame: UnmeasuredPoints) -> None:
-    (code,) = code_blocks(Path(__file__).parents[4] / "docs" / "explanation" / "update" / "response.md")
+    code = code_blocks(Path(__file__).parents[4] / "docs" / "explanation" / "update" / "response.md")
     given = {"reference": frame.reference, "recording": frame.record(8.0, 12)[0], "later": frame.record(6.0, 13)[0]}
-    names = run_cells([code], **given)
+    names = run_cells(code, **given)
     assert names["estimate"].recording.data.shape == (6000, 1)
     assert 0 < names["estimate"].std[0] < 1e-6
+    assert names["found"].predicted.shape == (6000, 2)
 
 
 def test_deviations_do_not_depend_on_how_channels_are_divided_into_devices(
