@@ -92,6 +92,14 @@ class AnalysisLagging(EventPayload):
     left_out_s: float  #: [s of data]
 
 
+class InnovationsHigh(EventPayload):
+    """Innovations about a mode are above the limit, after a minute in which none were; no alarm by itself."""
+
+    topic = "/event/innovations_high"
+    frequency: float  #: of the mode with the largest deviation [Hz]
+    deviation: float  #: [-]
+
+
 class WindowsLeftOut(ReasonPayload):
     """A window was left out because the analysis is behind."""
 

@@ -24,11 +24,10 @@ from daq.log import (
 )
 from daq.supervision import FAILURES, Backoff
 from monitor.errors import StartError
-from monitor.results.residuals import ChannelResiduals
 from monitor.results.service_events import AnalysisFailed, AnalysisLagging, BaselineReset, Stopped
 from monitor.results.windows import Result, result_event
 from monitor.service.site import Site
-from monitor.service.worker import AnalysisError, SavedState, Worker, WorkerMessage
+from monitor.service.worker import AnalysisError, LiveState, SavedState, Worker, WorkerMessage
 from monitor.settings import RecorderSettings, attached_structure
 from monitor.watch import memory as saved
 from monitor.watch.memory import MEMORY, LoadedState, MemoryFile
@@ -159,7 +158,7 @@ class LogAndAnalysis:
     site : that is watched; another one may take its place
     clock : of the data
     on_result : called with everything that is found
-    on_residuals : called with the residuals of the channels, which are not logged
+    on_state : called with the residuals and innovations of blocks, which are not logged
     hand_on : called in the log's thread with all that is logged
     lost : returns the lost devices, for each new log
     recalled : state of the run before, to be continued
@@ -170,13 +169,13 @@ class LogAndAnalysis:
         site: Site,
         clock: HostClock,
         on_result: Callable[[Result], None],
-        on_residuals: Callable[[ChannelResiduals], None],
+        on_state: Callable[[LiveState], None],
         hand_on: Callable[[Item], None],
         lost: Callable[[], list[str]],
         recalled: LoadedState,
     ) -> None:
         self.site, self._clock, self._on_result, self._hand_on, self._lost = site, clock, on_result, hand_on, lost
-        self._on_residuals = on_residuals
+        self._on_state = on_state
         self._refused, self._kept = recalled.refused, recalled.text or ""  # present state to be continued
         self._memory = MemoryFile(site.state / MEMORY)
         self._analysis = new_analysis(site, clock, self._take, self._kept)
@@ -353,8 +352,8 @@ class LogAndAnalysis:
             self._memory.expect(result.text)
             self._kept = result.text
             return
-        if isinstance(result, ChannelResiduals):
-            self._on_residuals(result)
+        if isinstance(result, LiveState):
+            self._on_state(result)
             return
         event = result_event(result)
         self._memory.after(event)

@@ -12,8 +12,8 @@ from daq import Item, SystemClock
 from daq.events import EventPayload
 from daq.supervision import FAILURES, error_text
 from monitor.errors import SettingsError
-from monitor.results.residuals import ChannelResiduals
-from monitor.results.service_events import ClockChanged, Reloaded, ReloadRefused, UncleanEnd
+from monitor.results.innovations import ModeInnovations
+from monitor.results.service_events import ClockChanged, InnovationsHigh, Reloaded, ReloadRefused, UncleanEnd
 from monitor.results.site_status import FILE_NAME, Counters, PartProblems
 from monitor.results.windows import Result
 from monitor.service.acquisition.devices import Devices, Drivers, site_clock, site_drivers
@@ -26,10 +26,12 @@ from monitor.service.servers.live_view import LiveView
 from monitor.service.site import Site
 from monitor.service.status import MonitorStatus, Pace
 from monitor.service.systemd.notify import SignsOfLife
+from monitor.service.worker import LiveState
 from monitor.settings import Settings
 from monitor.watch.memory import LoadedState
 
 _SWEEP = 60.0  # s
+_QUIET_SECONDS = 60.0  # of data without innovations above the limit, before they are logged again
 _POLL = 0.2  # s: of a turn that has failed
 _STEP, _STEP_AGAIN = 2 * 10**9, 600.0  # ns by which a clock is set, from which on it is followed; s until it is again
 
@@ -67,8 +69,9 @@ class SiteRun:
         self.status = MonitorStatus(path, _names(site), pace, self._clock, settings.device_of)
         #: the log that is written and the analysis that is fed, and all before them
         self.logs = LogAndAnalysis(
-            site, self._clock, on_result, self._take_residuals, self._take, lambda: self.status.lost, recalled
+            site, self._clock, on_result, self._take_state, self._take, lambda: self.status.lost, recalled
         )
+        self._over_until = 0  # end of the last block with innovations above the limit [ns UTC]
         self._thermometer = ExitStack()
         self._reads: Thermometer | None = None
         self._devices = Devices(self._clock, self.logs.put)
@@ -222,9 +225,21 @@ class SiteRun:
         for taker in self._takers:
             FAILURES.attempt("journal", taker, item)
 
-    def _take_residuals(self, residuals: ChannelResiduals) -> None:
-        self.status.take_residuals(residuals)
-        self._outputs.show(residuals.event())
+    def _take_state(self, state: LiveState) -> None:
+        if isinstance(state, ModeInnovations):
+            self._report_innovations(state)
+        else:
+            self.status.take_residuals(state)
+        self._outputs.show(state.event())
+
+    def _report_innovations(self, innovations: ModeInnovations) -> None:
+        """Log innovations above the limit, unless some were within the last minute of data."""
+        if innovations.over:
+            if innovations.time - self._over_until > _QUIET_SECONDS * 1e9:
+                deviation, frequency = innovations.largest
+                event = InnovationsHigh(frequency=frequency, deviation=deviation).event(innovations.time)
+                self.logs.put(event)
+            self._over_until = innovations.time
 
     @property
     def _problems(self) -> PartProblems:

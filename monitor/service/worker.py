@@ -3,7 +3,7 @@
 import multiprocessing
 import os
 import queue
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing.queues import Queue
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Protocol, Self
 
 from daq import Block, Event, Item
 from monitor.optional import run_optional
+from monitor.results.innovations import ModeInnovations
 from monitor.results.residuals import ChannelResiduals
 from monitor.results.service_events import Stopped
 from monitor.results.windows import Result
@@ -27,7 +28,6 @@ from monitor.service.processes import (
 
 if TYPE_CHECKING:
     from monitor.watch.pipeline import Pipeline
-    from monitor.watch.residuals import ResidualMonitor
 
 
 _ENVIRONMENT = {  # of the process: one thread of BLAS, and glibc returns large blocks of memory at once
@@ -45,7 +45,8 @@ class SavedState:
     text: str
 
 
-WorkerMessage = Result | SavedState | ChannelResiduals
+LiveState = ChannelResiduals | ModeInnovations  #: of a block of signals, which no log holds
+WorkerMessage = Result | SavedState | LiveState
 
 
 class AnalysisError(RuntimeError):
@@ -141,23 +142,17 @@ def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[WorkerMessage | N
     from monitor.watch.memory import memory_text  # loads numpy, in this process, under the limits above
 
     pipeline = _pipeline(task)
-    residuals: ResidualMonitor | None = _residuals(task)
+    live = _LiveMonitors(_live_monitors(task, pipeline))
     for item in received(inbox):
         if isinstance(item, Event) and item.topic == Stopped.topic:
             outbox.put(None)
             return
-        if residuals:
-            states: list[ChannelResiduals] | None = run_optional(
-                "residuals of channels", partial(list, residuals.push(item))
-            )
-            residuals = residuals if states is not None else None  # none until the next start
-            for state in states or ():
-                outbox.put(state)
+        for state in live.push(item):
+            outbox.put(state)
         reported = False
         for result in pipeline.push(item):
             outbox.put(result)
-            if residuals:
-                residuals.take(result)
+            live.take(result)
             reported = True
         if reported and task.keep:
             outbox.put(SavedState(memory_text(pipeline.memory)))
@@ -178,8 +173,49 @@ def _pipeline(task: _Task) -> "Pipeline":
     return Pipeline(attached_structure(task.structure), settings, known, skip)
 
 
-def _residuals(task: _Task) -> "ResidualMonitor":
+def _live_monitors(task: _Task, pipeline: "Pipeline") -> "dict[str, LiveMonitor]":
     from monitor.settings import parse_attached
-    from monitor.watch.residuals import ResidualMonitor
+    from monitor.watch.live.innovations import InnovationMonitor
+    from monitor.watch.live.residuals import ResidualMonitor
 
-    return ResidualMonitor(parse_attached(task.site))
+    settings = parse_attached(task.site)
+    return {
+        "residuals of channels": ResidualMonitor(settings),
+        "innovations of modes": InnovationMonitor(settings, lambda: pipeline.reference),
+    }
+
+
+class LiveMonitor(Protocol):
+    """Part of the analysis that looks at blocks of signals."""
+
+    def push(self, item: Item) -> Iterator[LiveState]:
+        """Process one item in the log's order."""
+
+    def take(self, result: Result) -> None:
+        """Take a result of the pipeline."""
+
+
+class _LiveMonitors:
+    """Live monitors by name; one that fails is left out until the next start."""
+
+    def __init__(self, monitors: dict[str, LiveMonitor]) -> None:
+        self._monitors = monitors
+
+    def push(self, item: Item) -> Iterator[LiveState]:
+        for name, monitor in list(self._monitors.items()):
+            yield from self._found(name, partial(list, monitor.push(item)))
+
+    def take(self, result: Result) -> None:
+        for name, monitor in list(self._monitors.items()):
+            self._found(name, partial(_taken, monitor, result))
+
+    def _found(self, name: str, find: Callable[[], list[LiveState]]) -> list[LiveState]:
+        found = run_optional(name, find)
+        if found is None:
+            del self._monitors[name]
+        return found or []
+
+
+def _taken(monitor: LiveMonitor, result: Result) -> list[LiveState]:
+    monitor.take(result)
+    return []

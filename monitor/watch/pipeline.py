@@ -13,7 +13,7 @@ from monitor.settings import Settings
 from monitor.watch.backlog import SKIPPED, Skip, none
 from monitor.watch.memory import Memory
 from monitor.watch.window_evaluator import WindowEvaluator
-from updater import Structure
+from updater import Reference, Structure
 
 
 def assembler_of(settings: Settings) -> Assembler:
@@ -58,6 +58,11 @@ class Pipeline:
         """State to continue from after a restart."""
         memory = self._judge.memory
         return replace(memory, thermometer_offset=self._weather.offset) if self._weather else memory
+
+    @property
+    def reference(self) -> Reference | None:
+        """Reference of the baseline; None before it is learned, and without a model."""
+        return self._judge.reference
 
     def push(self, item: Block | Event) -> Iterator[Result]:
         """Process one item in the log's order; yield the results."""

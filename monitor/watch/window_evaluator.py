@@ -39,7 +39,7 @@ from monitor.watch.baseline.learning import BaselineLearning
 from monitor.watch.detector import MAX_OUT
 from monitor.watch.memory import CalmSignals, Memory, state_fingerprint
 from monitor.watch.self_test import NEVER_TESTED, SelfTests
-from updater import Structure, UpdaterError
+from updater import Reference, Structure, UpdaterError
 from updater.modal_data import NO_DELAYS, DeviceDelays, Signals
 
 MakeSignals = Callable[[], Recording]  #: makes the signals of a window
@@ -121,6 +121,11 @@ class WindowEvaluator:
     def phase(self) -> Phase:
         """Purpose of a window."""
         return "learning" if self._learned is None else "alarm" if self._alarm.state == "alarm" else "watching"
+
+    @property
+    def reference(self) -> Reference | None:
+        """Reference of the baseline; None before it is learned, and without a model."""
+        return self._learned.model.reference if self._learned and self._learned.model else None
 
     @property
     def delays(self) -> DeviceDelays:

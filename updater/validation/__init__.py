@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from updater.validation.response.fatigue import count_cycles as count_cycles
     from updater.validation.response.fatigue import damage_rate as damage_rate
     from updater.validation.response.kalman_filter import ModalKalmanFilter as ModalKalmanFilter
+    from updater.validation.response.live_filter import LiveFilter as LiveFilter
     from updater.validation.response.modal_system import MotionQuantity as MotionQuantity
     from updater.validation.response.response_model import Place as Place
     from updater.validation.response.response_model import Point as Point

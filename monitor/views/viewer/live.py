@@ -11,6 +11,7 @@ import rerun as rr
 
 from daq import Block, Item
 from monitor.analysis.temperature import TOPIC_TEMPERATURE
+from monitor.results.innovations import TOPIC_INNOVATIONS, ModeInnovations
 from monitor.results.residuals import TOPIC_RESIDUALS, ChannelResiduals
 from monitor.results.run_results import RunResults, standing_answer
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult, event_result
@@ -25,7 +26,7 @@ from monitor.views.viewer.modes.trends import draw_legend, draw_trends
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import APPLICATION, at
 from monitor.views.viewer.scene import draw_bare_structure, draw_place
-from monitor.views.viewer.signals.channels import draw_residuals, draw_rms, draw_temperature
+from monitor.views.viewer.signals.channels import draw_innovations, draw_residuals, draw_rms, draw_temperature
 from monitor.views.viewer.signals.traces import SignalStream
 from monitor.views.viewer.spectrum import draw_spectra
 from monitor.views.viewer.state_lanes import (
@@ -73,6 +74,9 @@ def serve(structure: str, site: str, items: Iterable[Item]) -> None:
                 results.add_temperature("site", item.time, float(item.payload["celsius"]))
             if item.topic == TOPIC_RESIDUALS:
                 results.add_residuals(ChannelResiduals.model_validate(item.payload))
+                continue
+            if item.topic == TOPIC_INNOVATIONS:
+                results.add_innovations(ModeInnovations.model_validate(item.payload))
                 continue
             result = event_result(item)
             results.add(result)
@@ -150,9 +154,18 @@ class LiveResults:
         """Draw the residuals of a block."""
         draw_residuals(self._recording, residuals)
         if not self._live.residuals:
-            self._live = replace(self._live, residuals=_RESIDUAL_BLOCKS * residuals.seconds)
-            if self._windows:
-                self._lay_out()
+            self._show(replace(self._live, residuals=_RESIDUAL_BLOCKS * residuals.seconds))
+
+    def add_innovations(self, innovations: ModeInnovations) -> None:
+        """Draw the innovations about the modes, of a block."""
+        draw_innovations(self._recording, innovations)
+        if not self._live.innovations:
+            self._show(replace(self._live, innovations=_RESIDUAL_BLOCKS * innovations.seconds))
+
+    def _show(self, live: Live) -> None:
+        self._live = live
+        if self._windows:
+            self._lay_out()
 
     def _results_of(self, windows: list[WindowResult]) -> RunResults:
         return RunResults(
@@ -216,6 +229,7 @@ class LiveResults:
             "rms": last.rms,
             "temperatures": self._temperatures,
             "residuals": self._live.residuals,
+            "innovations": self._live.innovations,
         }
         grown = self._shown | {name for name, value in has.items() if value} | {"window", *map(str, run_results.tracks)}
         if grown != self._shown:

@@ -6,11 +6,10 @@ import pytest
 
 from daq import Item, McapWriter
 from monitor.outputs.notices.filter import NoticeFilter
-from monitor.results.residuals import ChannelResiduals
 from monitor.results.service_events import Stopped
 from monitor.results.windows import Result, WindowResult, result_event
 from monitor.service.replay import replay
-from monitor.service.worker import SavedState, Worker
+from monitor.service.worker import LiveState, SavedState, Worker
 from monitor.settings import parse_settings
 from monitor.watch.backlog import MAX_WINDOWS, SKIPPED, Backlog
 from monitor.watch.pipeline import Pipeline
@@ -78,7 +77,7 @@ def test_replay_skips_the_same_windows_as_the_live_run(tmp_path: Path) -> None:
             worker.feed(item)
         while True:
             results = list(worker.results(30.0))
-            found += [r for r in results if r is not None and not isinstance(r, SavedState | ChannelResiduals)]
+            found += [r for r in results if r is not None and not isinstance(r, SavedState | LiveState)]
             if None in results:
                 break
     windows = [r for r in found if isinstance(r, WindowResult)]

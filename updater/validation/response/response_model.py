@@ -115,11 +115,13 @@ class ResponseModel:
         if places < _LEAST_PLACES:
             raise ModalDataError(f"measured places: expected at least {_LEAST_PLACES}, found {places}")
         measured = np.exp(reference.baseline.log_frequency)
-        band = band_about(measured)
-        if band[1] > NYQUIST * recording.rate:
+        highest, limit = float(measured.max()), NYQUIST * recording.rate
+        if highest > limit:
             raise ModalDataError(
-                f"recording: expected a rate of at least {band[1] / NYQUIST:.4g} Hz, found {recording.rate:g} Hz"
+                f"recording: expected a rate of at least {highest / NYQUIST:.4g} Hz, found {recording.rate:g} Hz"
             )
+        low, high = band_about(measured)
+        band = low, min(high, limit)
         modes = np.flatnonzero(reference.frequency < NYQUIST * recording.rate)
         damping = damping_of_all(reference.baseline.damping, reference.paired, len(reference.frequency))
         system = ModalSystem(frequency=reference.frequency[modes], damping=damping[modes])
@@ -191,7 +193,7 @@ class ResponseModel:
         squares = dict(zip(modal, _root_mean_square(others).reshape(len(modal), len(self.modes)) ** 2, strict=True))
         by_shape = np.array([squares[quantity] @ own**2 for quantity, own in zip(quantities, error, strict=True)])
         lines = np.geomspace(_SKIRT[0] * self.band[0], min(_SKIRT[1] * self.band[1], self.rate / 2), _LINES)
-        _, gain = scipy.signal.freqz_sos(self._band_pass(), lines, fs=self.rate)
+        _, gain = scipy.signal.freqz_sos(self.band_pass(), lines, fs=self.rate)
         late = np.array([*self.reference.delays.astray().values()] or [0.0])  # [s]; none where no delays were learned
         by_time = np.mean(late**2) * _root_mean_square(np.diff(signals, axis=0) * self.rate) ** 2
         variance = level**2 * self._filter(outputs).variance(lines, np.abs(gain) ** 4) + by_shape + by_time
@@ -217,7 +219,7 @@ class ResponseModel:
         """
         signals = np.full_like(recording.data, np.nan)
         for part, settled in self._stretches(recording.data):
-            signals[settled] = part[self._settling : -self._settling]
+            signals[settled] = part[self.settling : -self.settling]
         return replace(recording, data=signals)
 
     def _modal(self, points: Sequence[Place]) -> tuple[FloatArray, FloatArray]:
@@ -251,7 +253,7 @@ class ResponseModel:
         shape = self.reference.at_channels(self.channels)[:, self.modes]
         return ModalKalmanFilter(self.system, shape, self.excitation, outputs, rate=self.rate)
 
-    def _band_pass(self) -> FloatArray:
+    def band_pass(self) -> FloatArray:
         """Return second-order sections; applied forward and backward, the gain is squared and the phase zero."""
         return np.asarray(scipy.signal.butter(_ORDER, self.band, "bandpass", fs=self.rate, output="sos"))
 
@@ -261,13 +263,13 @@ class ResponseModel:
         innovations = np.full(data.shape, np.nan)
         for part, settled in self._stretches(data):
             estimate, innovation = self._filter(outputs).run(part)
-            estimates[settled] = estimate[self._settling : -self._settling]
-            innovations[settled] = innovation[self._settling : -self._settling]
+            estimates[settled] = estimate[self.settling : -self.settling]
+            innovations[settled] = innovation[self.settling : -self.settling]
         return estimates, innovations
 
     def _stretches(self, data: FloatArray) -> Iterator[tuple[FloatArray, slice]]:
         """Yield the stretches without gaps in the band, and the samples at which filters that begin there settle."""
-        sections, settling = self._band_pass(), self._settling
+        sections, settling = self.band_pass(), self.settling
         long = [(start, stop) for start, stop in gapless_stretches(data) if stop - start > 2 * settling]
         if not long:
             raise ModalDataError("recording: no stretch without a gap is long enough for the filter to settle")
@@ -276,7 +278,7 @@ class ResponseModel:
             yield scipy.signal.sosfiltfilt(sections, part, axis=0), slice(start + settling, stop - settling)
 
     @cached_property
-    def _settling(self) -> int:
+    def settling(self) -> int:
         """Number of samples after which the filters have settled."""
         n = len(self.modes)
         kalman = self._filter(Outputs(state=np.zeros((0, 2 * n)), force=np.zeros((0, n))))

@@ -27,6 +27,7 @@ class Live:
     seconds: float  #: time shown by the trends [s]
     channels: tuple[str, ...]  #: channels whose signals are streamed
     residuals: float = 0.0  #: time shown by the residuals of channels; 0 before there are any [s]
+    innovations: float = 0.0  #: time shown by the innovations of modes; 0 before there are any [s]
 
 
 def layout(run_results: RunResults, live: Live | None = None) -> rrb.Blueprint:
@@ -80,6 +81,8 @@ def _overview(run_results: RunResults, trends: views.TrendViews, live: Live | No
     right: list[tuple[_Part, float]] = [(views.singular_values(), 4.2)] if run_results.spectra else []
     if live and live.residuals:
         right.append((views.residuals(live.residuals), 2.6))
+    if live and live.innovations:
+        right.append((views.innovations(live.innovations), 2.6))
     right.append((views.card("Events", "/event_list"), 4.0))
     return _beside("Overview", (_stack(*left), 3.3), (_trends(run_results, trends), 4.0), (_stack(*right), 4.2))
 

@@ -217,6 +217,12 @@ def residuals(seconds: float) -> rrb.TimeSeriesView:
     return _series(name, "/channels/residuals", following(seconds))
 
 
+def innovations(seconds: float) -> rrb.TimeSeriesView:
+    """Return the plot of the last innovations about the modes."""
+    name = "Signals predicted from the past by the modes: innovations [their standard deviation]; red: limit"
+    return _series(name, "/channels/innovations", following(seconds))
+
+
 def _span(start: int, end: int) -> rr.TimeRange:
     boundary = rrb.TimeRangeBoundary.absolute
     return rr.TimeRange(start=boundary(nanos=start), end=boundary(nanos=end))

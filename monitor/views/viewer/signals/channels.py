@@ -1,11 +1,12 @@
 """Figures of channels and devices: RMS and temperature over time, and a table of the last seconds."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import rerun as rr
 
 from daq import Recording
+from monitor.results.innovations import ModeInnovations
 from monitor.results.residuals import ChannelResiduals
 from monitor.results.run_results import RunResults
 from monitor.views.palette import ALARM, WARN, mode_colour
@@ -45,12 +46,27 @@ def draw_temperature(
 
 def draw_residuals(recording: rr.RecordingStream, residuals: ChannelResiduals) -> None:
     """Draw the residual of each channel against its prediction from the others, and the limit [standard deviations]."""
-    for number, (name, deviation) in enumerate(residuals.deviation.items(), 1):
-        path = rr.new_entity_path(["channels", "residuals", name])
-        line(recording, path, name, mode_colour(number), times([residuals.time]), [deviation])
-    path = rr.new_entity_path(["channels", "residuals", "limit"])
-    begin = residuals.time - round(residuals.seconds * 1e9)
-    rule(recording, path, "limit", ALARM, (begin, residuals.time), residuals.limit)
+    _draw_block(recording, "residuals", residuals, residuals.deviation)
+
+
+def draw_innovations(recording: rr.RecordingStream, innovations: ModeInnovations) -> None:
+    """Draw the innovations about each mode, and the limit [standard deviations]."""
+    names = [f"{frequency:.4g} Hz" for frequency in innovations.frequency]
+    _draw_block(recording, "innovations", innovations, dict(zip(names, innovations.deviation, strict=True)))
+
+
+def _draw_block(
+    recording: rr.RecordingStream,
+    kind: str,
+    block: ChannelResiduals | ModeInnovations,
+    deviations: Mapping[str, float],
+) -> None:
+    for number, (name, deviation) in enumerate(deviations.items(), 1):
+        path = rr.new_entity_path(["channels", kind, name])
+        line(recording, path, name, mode_colour(number), times([block.time]), [deviation])
+    path = rr.new_entity_path(["channels", kind, "limit"])
+    begin = block.time - round(block.seconds * 1e9)
+    rule(recording, path, "limit", ALARM, (begin, block.time), block.limit)
 
 
 def write_channels(recording: rr.RecordingStream, signals: Recording) -> None:

@@ -134,7 +134,7 @@ def test_life_of_a_loud_vibration_is_finite(modalwatch: Commands, case: Unmeasur
 def test_axes_that_were_recorded_but_not_analysed_are_within_the_deviations() -> None:
     """The recorded rig, over its wire protocols: devices at both ends of the crossbeam measured along it, too.
 
-    Its clocks ran ten times as fast as the host's, whose delays vary by 0.1 to 0.2 ms there. The record is fixed: 98 %
+    Its clocks ran ten times as fast as the host's, whose delays vary by 0.1 to 0.2 ms there. The record is fixed: 99 %
     are within two deviations (a normal distribution: 95 %), the median error is 12 % of the signal.
     """
     log = Path(__file__).parents[4] / "replay_data" / "t_frame_added_mass.mcap"

@@ -18,6 +18,7 @@ import rerun as rr
 
 from daq import Block, Event, Item
 from daq.drivers import EPSON_SCALE
+from monitor.results.innovations import ModeInnovations
 from monitor.results.residuals import ChannelResiduals
 from monitor.results.windows import result_event
 from monitor.service.servers.live_view import LiveView, live_urls, live_view
@@ -223,6 +224,27 @@ def test_residuals_are_drawn_and_laid_out_from_the_first_block_on(tmp_path: Path
     assert values.tolist() == [5.0, 5.5]
     assert set(rrd.scalars("/channels/residuals/limit")[1].tolist()) == {6.0}
     assert "/channels/residuals" in {view.origin for view in rrd.views}
+
+
+def test_innovations_are_drawn_and_laid_out_from_the_first_block_on(tmp_path: Path) -> None:
+    recording = rr.RecordingStream("test")
+    recording.save(tmp_path / "live.rrd")
+    live = LiveResults(recording, "bridge", parse_settings(site_text(1)))
+    live.add(RUN["windows"][0])
+    for second in (10, 11):
+        live.add_innovations(
+            ModeInnovations(
+                time=made.START + second * 10**9, seconds=1.0, level=1.0, frequency=[10.88, 39.1],
+                deviation=[second / 2, 0.0], limit=6.0,
+            )
+        )  # fmt: skip
+    recording.disconnect()
+    rrd = Rrd(tmp_path / "live.rrd")
+    times, values = rrd.scalars(r"/channels/innovations/10.88\ Hz")
+    assert (times - made.START).tolist() == [10 * 10**9, 11 * 10**9]
+    assert values.tolist() == [5.0, 5.5]
+    assert set(rrd.scalars("/channels/innovations/limit")[1].tolist()) == {6.0}
+    assert "/channels/innovations" in {view.origin for view in rrd.views}
 
 
 def test_port_in_use_is_reported_and_no_view_is_served() -> None:

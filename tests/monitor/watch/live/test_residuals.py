@@ -10,7 +10,7 @@ from daq import Block
 from monitor.results.residuals import ChannelResiduals
 from monitor.results.windows import ReferenceResult, WindowResult
 from monitor.rig import Scenario, draw_t_frame
-from monitor.watch.residuals import ResidualMonitor
+from monitor.watch.live.residuals import ResidualMonitor
 from tests.support.monitor.rig import ORIGIN, rig_blocks, rig_settings
 
 WINDOW, BASELINE = 20.0, 8  # s, windows

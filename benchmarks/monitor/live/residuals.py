@@ -3,7 +3,7 @@
 Rigs are drawn as in the demo, each with a clock, a gain and a delay of arrival of its own per device. Windows of 40 s
 before the change are of the baseline, those after it are changed.
 
-    python benchmarks/monitor/residuals.py [--changes 9] [--hours 1] [--seed 101]
+    python benchmarks/monitor/live/residuals.py [--changes 9] [--hours 1] [--seed 101]
 """
 
 import argparse
@@ -14,7 +14,7 @@ import numpy as np
 from daq import FloatArray
 from monitor.results.windows import WindowResult
 from monitor.rig import Scenario, draw_t_frame
-from monitor.watch.residuals import LIMIT, ResidualMonitor
+from monitor.watch.live.residuals import LIMIT, ResidualMonitor
 from tests.support.monitor.rig import ORIGIN, rig_blocks, rig_settings
 
 _WINDOW, _BASELINE = 40.0, 12

@@ -10,53 +10,19 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from daq import Assembler, Block, Event, FloatArray, Recording
+from daq import Assembler, Block, Event, Recording
 from monitor.results.residuals import ChannelResiduals
 from monitor.results.windows import ReferenceResult, Result, WindowResult
 from monitor.settings import Settings
+from monitor.watch.live.levels import CalmLevels, is_calm
 from oma.spectral import ChannelPrediction
 
 LIMIT = 6.0  #: standard deviations; the rate of false exceedances is in docs/validation/detection/residuals.md
 _BLOCKS = 20  # in a window, without overlap
 _LEAST_SAMPLES, _MOST_SAMPLES = 64, 2048  # of a block
 _MEMORY = 50.0  # windows
-_LEAST_LEVELS = 60  # blocks before a deviation is computed
 _MOST_CHANNELS = 32  # the cost rises with their square
 _LEAST_RESIDUAL = 1e-12  # mean square over the learned one, as the least power of the prediction: of a constant channel
-# of a level: lower than that of noise at all 0.4 * 2048 lines of the longest block, 0.5 / sqrt(819) = 0.017
-_LEAST_STD = 0.01
-
-
-class _Levels:
-    """Mean and standard deviation of levels, with exponential memory; the newest are held, as the spectra are."""
-
-    def __init__(self, n_channels: int, memory: float) -> None:
-        self._kept = 1 - 1 / memory
-        self.weight = 0.0
-        self._sum, self._square = np.zeros((2, n_channels))
-        self._held: list[FloatArray] = []
-        self._pending: list[FloatArray] = []
-
-    def add(self, level: FloatArray) -> None:
-        self._pending.append(level)
-
-    def learn(self) -> None:
-        for level in self._held:
-            self.weight = self._kept * self.weight + 1
-            self._sum = self._kept * self._sum + level
-            self._square = self._kept * self._square + level**2
-        self._held, self._pending = self._pending, []
-
-    def discard(self) -> None:
-        self._held, self._pending = [], []
-
-    @property
-    def mean(self) -> FloatArray:
-        return np.asarray(self._sum / self.weight)
-
-    @property
-    def std(self) -> FloatArray:
-        return np.asarray(np.sqrt(np.maximum(self._square / self.weight - self.mean**2, _LEAST_STD**2)))
 
 
 class ResidualMonitor:
@@ -89,7 +55,7 @@ class ResidualMonitor:
     def _begin(self) -> None:
         """Forget what was learned."""
         self._prediction = ChannelPrediction(self._n, self._devices, self._memory)
-        self._levels = _Levels(len(self._channels), self._memory)
+        self._levels = CalmLevels(len(self._channels), self._memory)
         self._calm_before = False
 
     def push(self, item: Block | Event) -> Iterator[ChannelResiduals]:
@@ -112,7 +78,7 @@ class ResidualMonitor:
                 self._begin()
             self._has_reference = True
         elif isinstance(result, WindowResult):
-            calm = _is_calm(result)
+            calm = is_calm(result)
             if not calm and not self._calm_before:
                 self._begin()
             for part in (self._prediction, self._levels):
@@ -130,7 +96,7 @@ class ResidualMonitor:
             return
         level = np.log(np.maximum(found, _LEAST_RESIDUAL)) / 2
         self._levels.add(level)
-        if self._levels.weight >= _LEAST_LEVELS:
+        if self._levels.known:
             off = level - self._levels.mean
             yield ChannelResiduals(
                 time=block.end,
@@ -139,10 +105,3 @@ class ResidualMonitor:
                 deviation=dict(zip(self._channels, (off / self._levels.std).tolist(), strict=True)),
                 limit=LIMIT,
             )
-
-
-def _is_calm(window: WindowResult) -> bool:
-    """Return whether a window belongs to the baseline, or is consistent with it."""
-    if window.problem or window.phase == "alarm":
-        return False
-    return window.phase == "learning" or (window.novelty is not None and not window.novelty.level > 1)

@@ -1,0 +1,1 @@
+"""Statistics of blocks of signals, before a window is complete."""

@@ -1,0 +1,1 @@
+"""Signals between the windows: residuals of channels, and innovations of the modes."""
