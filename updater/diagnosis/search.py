@@ -21,7 +21,7 @@ from updater.diagnosis.model_extension import fixed
 from updater.diagnosis.naming import MIN_P, WORTH_NAMING
 from updater.diagnosis.places import along_ridges
 from updater.diagnosis.relaxation import is_hidden, is_relaxed_doubtful, relaxed_beside
-from updater.diagnosis.weighing import DOUBTFUL, N_SEEDS, SURE, WELL, Candidate, EvidenceComparison, ranked
+from updater.diagnosis.weighing import DOUBTFUL, MUCH, N_SEEDS, SURE, WELL, Candidate, EvidenceComparison, ranked
 from updater.inference import Comparison, compare, fit, freedom_of_frequencies
 from updater.modal_data import Circumstances, ModalMean
 from updater.reference import Reference
@@ -248,6 +248,14 @@ def _explains_alone(weighing: EvidenceComparison, best: Candidate) -> bool:
     return not promises or promises[0].log_evidence < best.log_evidence - _NO_EFFECT
 
 
+def _worth_adding(weighing: EvidenceComparison) -> float:
+    """Return the predicted gain of log evidence above which another cause is tried despite a good fit.
+
+    The error of a mesh is one and the same in all modes, which may imitate a small cause: then it must be larger.
+    """
+    return MUCH if weighing.data.mesh_error.any() else _WORTH_ADDING
+
+
 def stepwise(
     weighing: EvidenceComparison, found: list[Candidate], *, rough: bool
 ) -> tuple[EvidenceComparison, list[Candidate]]:
@@ -273,7 +281,7 @@ def stepwise(
             break
         several = Compositions(weighing)
         promises = several.rank_by_linear_prediction(seeds if doubted else seeds[:1])
-        least = 0.0 if several.of_the_file_alone(found[0]) else _WORTH_ADDING
+        least = 0.0 if several.of_the_file_alone(found[0]) else _worth_adding(weighing)
         if not promises or (not doubted and promises[0].log_evidence < found[0].log_evidence + least):
             break
         more = several.together(promises)

@@ -35,7 +35,10 @@ def response(
     ] = 71.0,
     sensors: Annotated[
         bool,
-        Option("--sensors", help="Predict the sensors of each place from those of the others, and state the errors."),
+        Option(
+            "--predict-sensors",
+            help="Predict the sensors of each place from the others, and state the errors.",
+        ),
     ] = False,
     window: Annotated[
         float | None,
@@ -58,7 +61,7 @@ def response(
     Example:
     modalwatch response structure.toml now.mcap --reference before.mcap --at beam:0.1:z:displacement
     modalwatch response structure.toml now.mcap --reference before.mcap --stress column:0.05 --detail 80
-    modalwatch response structure.toml now.mcap --reference before.mcap --sensors
+    modalwatch response structure.toml now.mcap --reference before.mcap --predict-sensors
     """
     from monitor.analysis.time_range import time_range
     from monitor.cli.data.response.estimation import Request, estimate_response
@@ -66,7 +69,7 @@ def response(
     from monitor.errors import ArgumentError
 
     if not (at or stress or sensors):
-        raise ArgumentError("--at, --stress, --sensors", "expected a place, a section or --sensors, found none")
+        raise ArgumentError("--at, --stress, --predict-sensors", "expected a place, a section or sensors, found none")
     if not detail > 0:
         raise ArgumentError("--detail", f"expected a positive range in MPa, found {detail:g}")
     check_outputs({"--json": json}, force=force)

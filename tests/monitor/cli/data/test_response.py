@@ -82,7 +82,7 @@ def test_motion_and_stress_are_within_their_deviations(
 def test_sensors_are_predicted_from_the_other_places(modalwatch: Commands, folder: Path) -> None:
     done = modalwatch(
         "response", folder / "structure.toml", folder / "now.mcap", "--reference", folder / "before.mcap",
-        "--sensors", "-o", folder / "sensors.csv", "--json", folder / "sensors.json",
+        "--predict-sensors", "-o", folder / "sensors.csv", "--json", folder / "sensors.json",
     )  # fmt: skip
     assert (done.code, done.err) == (0, ""), done
     sensors = json.loads((folder / "sensors.json").read_text())["sensors"]
@@ -167,7 +167,7 @@ def test_axes_that_were_recorded_but_not_analysed_are_within_the_deviations() ->
 @pytest.mark.parametrize(
     ("options", "reported"),
     [
-        ((), "--at, --stress, --sensors: expected a place, a section or --sensors, found none"),
+        ((), "--at, --stress, --predict-sensors: expected a place, a section or sensors, found none"),
         (("--at", "column:0.3"), "--at: expected MEMBER:DISTANCE:AXIS[:displacement|velocity|acceleration]"),
         (("--at", "column:0.3:x:speed"), "--at: expected MEMBER:DISTANCE:AXIS"),
         (("--at", "column:0.3:x:velocity:x"), "--at: expected MEMBER:DISTANCE:AXIS"),
