@@ -64,8 +64,8 @@ def modulus_texts(summary: CalibrationSummary | None) -> list[str]:
     """Return for each modulus that was fitted unusually far from the file what may be wrong, and what depends on it."""
     return [
         f"{change.quantity} of {change.of} was fitted as {change_texts(change)[1]}: unusual for a metal. Check the "
-        "section (wall thickness, corner radius), the density and the masses of sensors. Masses and springs are found "
-        "relative to the mass of the structure: their deviations contain this error."
+        "section (wall thickness, corner radius), the density and the masses of sensors. Masses, props and "
+        "forces are found relative to the mass of the structure: their deviations contain this error."
         for change in (summary.unusual_moduli if summary else ())
     ]
 

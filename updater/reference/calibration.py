@@ -117,23 +117,28 @@ class Calibration:
         """
         return tuple(
             change
-            for knob, change in zip(self.knobs, self.changes(), strict=False)
-            if knob.kind == "stiffness"
-            and not (knob.of_matrices or knob.of_group)
-            and self.structure.material[knob.target].youngs_modulus > _METAL
-            and change.relative
-            and abs(change.relative[0]) > SIGNIFICANT * np.hypot(_MODULUS_STD, change.relative[1])
+            for change, shift in self._moduli_of_metals()
+            if shift > SIGNIFICANT * np.hypot(_MODULUS_STD, change.std / change.after)
         )
 
     @property
     def mass_error(self) -> float:
-        """Relative standard deviation of the structure's mass, and thus of all masses and springs found on it.
+        """Relative standard deviation of the structure's mass, and thus of all bodies, props and forces found on it.
 
-        Frequencies determine a body or a spring only as a share of the structure. The part of a fitted modulus that is
-        unusual may be an error of the mass.
+        Frequencies determine these only as a share of the structure. What a fitted modulus differs by more than two
+        deviations of moduli may be an error of the mass.
         """
-        unusual = [abs(c.relative[0]) - SIGNIFICANT * _MODULUS_STD for c in self.unusual_moduli if c.relative]
-        return float(np.hypot(_MASS_STD, max(unusual, default=0.0)))
+        unusual = [shift - SIGNIFICANT * _MODULUS_STD for _, shift in self._moduli_of_metals()]
+        return float(np.hypot(_MASS_STD, max([*unusual, 0.0])))
+
+    def _moduli_of_metals(self) -> list[tuple[ParameterChange, float]]:
+        """Return the fitted moduli of metals, each with the size of its change of ln E."""
+        found = []
+        for knob, change in zip(self.knobs, self.changes(), strict=False):
+            own = knob.kind == "stiffness" and not (knob.of_matrices or knob.of_group)
+            if own and change.before and self.nominal.material[knob.target].youngs_modulus > _METAL:
+                found.append((change, abs(float(np.log(change.after / change.before)))))
+        return found
 
     def is_rigid(self, connection: Support | Joint, axis: Axis) -> bool:
         """Return whether a connection is rigid as far as is known.

@@ -20,6 +20,7 @@ from scipy.special import gammaln
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Cause
+from updater.causes.mass.added_mass import scale_error
 from updater.inference import (
     Comparison,
     Effect,
@@ -188,7 +189,7 @@ class AttachedOscillator:
         magnitude = self._magnitude(fit.theta[own, 0], np.sqrt(fit.covariance[own, 0, 0]))
         mass = float(share @ magnitude.mean)
         variance = float(share @ (magnitude.variance + (magnitude.mean - mass) ** 2))
-        std = float(np.hypot(np.sqrt(variance), self.comparison.size_error * mass))
+        std = float(np.hypot(np.sqrt(variance), scale_error(self.reference, self.comparison) * mass))
         each = self.log_frequency[self.mode[own]] + fit.theta[own, 1]
         variances = fit.covariance[own, 1, 1]
         if self.new is None:
