@@ -132,12 +132,12 @@ class Calibration:
         return float(np.hypot(_MASS_STD, max([*unusual, 0.0])))
 
     def _moduli_of_metals(self) -> list[tuple[ParameterChange, float]]:
-        """Return the fitted moduli of metals, each with the size of its change of ln E."""
+        """Return the fitted moduli of metals, each with how much the larger value exceeds the other."""
         found = []
         for knob, change in zip(self.knobs, self.changes(), strict=False):
             own = knob.kind == "stiffness" and not (knob.of_matrices or knob.of_group)
             if own and change.before and self.nominal.material[knob.target].youngs_modulus > _METAL:
-                found.append((change, abs(float(np.log(change.after / change.before)))))
+                found.append((change, max(change.after / change.before, change.before / change.after) - 1))
         return found
 
     def is_rigid(self, connection: Support | Joint, axis: Axis) -> bool:
