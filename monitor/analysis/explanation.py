@@ -168,8 +168,10 @@ def with_breathing(found: DiagnosisResult, reference: Reference, event: ModalMea
     def of(cause: Cause) -> Cause:
         for part in found.parts:
             if part.hypotheses.name == cause.cause and _same_place(part.hypotheses.where(part), cause.where):
+                others = [other for other in found.parts if other is not part]
                 closing = run_optional(
-                    "the test whether it opens and closes", partial(breathing, reference, event, part, *recordings)
+                    "the test whether it opens and closes",
+                    partial(breathing, reference, event, part, *recordings, others=others),
                 )
                 return cause.model_copy(update={"breathing": closing})
         return cause

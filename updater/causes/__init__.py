@@ -3,6 +3,7 @@
 from updater.causes.base import CatalogueEntry as CatalogueEntry
 from updater.causes.base import Cause as Cause
 from updater.causes.base import Discrete as Discrete
+from updater.causes.base import MayOpen as MayOpen
 from updater.causes.base import Nothing as Nothing
 from updater.causes.base import Parametric as Parametric
 from updater.causes.base import Placed as Placed
@@ -12,6 +13,7 @@ from updater.causes.catalogue import CATALOGUE as CATALOGUE
 from updater.causes.composite import JointHypothesis as JointHypothesis
 from updater.causes.composite import SelectedCause as SelectedCause
 from updater.causes.composite import effect_of as effect_of
+from updater.causes.composite import joint_opening as joint_opening
 from updater.causes.composite import mac_of as mac_of
 from updater.causes.composite import prediction as prediction
 from updater.causes.mass.added_mass import LARGEST_REMOVED as LARGEST_REMOVED

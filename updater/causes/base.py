@@ -73,6 +73,14 @@ class Sized(Protocol):
         """
 
 
+@runtime_checkable
+class MayOpen(Protocol):
+    """A loss of stiffness that may open and close."""
+
+    def opening(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the log likelihood ratio (len(rows),) of opening and closing to none by the signals."""
+
+
 C = TypeVar("C", bound=Cause, covariant=True)
 
 

@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Cause, Discrete
+from updater.causes.base import Cause, Discrete, MayOpen
 from updater.inference import Comparison, Effect, Fit, LinearInCompliance, Prediction, picked, predict, reanalyse
 
 C = TypeVar("C", bound=Cause)
@@ -107,13 +107,16 @@ class JointHypothesis(Generic[C]):
         }
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
-        """Return those of all together, each by its own parameters."""
-        n = len(self.free.prior_std)
-        found = self.free.log_ratio(theta[:, :n], covariance[:, :n, :n], rows)
-        for c, own in self._columns():
-            its_row = np.full(len(rows), c.row)
-            found = found + c.cause.log_ratio(theta[:, own], covariance[:, own, own], its_row)
-        return found
+        """Return those of all together, each by its own parameters.
+
+        The evidence of the signals is for one place that opens and closes: of several losses the largest counts.
+        """
+        found, opening = np.zeros(len(rows)), list[FloatArray]()
+        for cause, own, number in self.parts(rows):
+            found += cause.log_ratio(theta[:, own], covariance[:, own, own], number)
+            if isinstance(cause, MayOpen):
+                opening.append(cause.opening(theta[:, own], number))
+        return found + np.max(opening, axis=0) - np.sum(opening, axis=0) if opening else found
 
     def refined(self, log_density: FloatArray, theta: FloatArray) -> "JointHypothesis[C] | None":
         """Refine the free one."""
@@ -138,6 +141,23 @@ class JointHypothesis(Generic[C]):
         theta = fit.theta[fit.best]
         own = SelectedCause(self.free, fit.best, theta[: len(self.free.prior_std)])
         return own, *(replace(c, theta=theta[columns]) for c, columns in self._columns())
+
+
+def joint_opening(part: Fit[Cause], others: Sequence[Fit[Cause]]) -> FloatArray:
+    """Return the log likelihood ratio by the signals (n,) that the density of each alternative of a joint fit contains.
+
+    Parameters
+    ----------
+    part : fit of one cause (n alternatives)
+    others : fits of the other causes of the same joint fit
+    """
+    n = len(part.theta)
+    found = [
+        np.broadcast_to(one.hypotheses.opening(one.theta[rows], rows), n)
+        for one, rows in [(part, np.arange(n)), *((other, np.array([other.best])) for other in others)]
+        if isinstance(one.hypotheses, MayOpen)
+    ]
+    return np.max(found, axis=0) if found else np.zeros(n)
 
 
 def prediction(data: Comparison, chosen: Sequence[SelectedCause] | None) -> Prediction:

@@ -455,10 +455,10 @@ def with_signal_evidence(named: Sequence[Cause], found: "Sequence[Candidate]", l
     found : candidates, the best first
     log_nothing : log evidence for no change
     """
-    by_signals = [sum(map(evidence_of_signals, c.parts)) for c in found]
+    by_signals = [max(evidence_of_signals(c)) for c in found]
     by_modes = [c.log_evidence - own for c, own in zip(found, by_signals, strict=True)]
     decides = by_modes[0] < max(*by_modes, log_nothing)
-    own = {part.hypotheses.name: evidence_of_signals(part) for part in found[0].parts}
+    own = dict(zip(found[0].names, evidence_of_signals(found[0]), strict=True))
     return tuple(
         cause.model_copy(update={"signals": SignalEvidence(log_evidence=own[cause.cause], decides=decides)})
         if own.get(cause.cause)

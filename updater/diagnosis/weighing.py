@@ -14,11 +14,11 @@ from updater.causes import (
     CATALOGUE,
     Cause,
     JointHypothesis,
-    LocalStiffness,
+    MayOpen,
     Nothing,
     Propose,
     SelectedCause,
-    Springs,
+    joint_opening,
     prediction,
 )
 from updater.errors import SelectionError
@@ -176,13 +176,20 @@ def shown_by_signals(part: Fit[Cause]) -> bool:
 def _by_signals(part: Fit[Cause]) -> FloatArray:
     """Return the log likelihood ratio (n_alternatives,) of opening and closing to none by the signals."""
     cause, n = part.hypotheses, len(part.theta)
-    return cause.opening(part.theta, np.arange(n)) if isinstance(cause, LocalStiffness | Springs) else np.zeros(n)
+    return cause.opening(part.theta, np.arange(n)) if isinstance(cause, MayOpen) else np.zeros(n)
 
 
-def evidence_of_signals(part: Fit[Cause]) -> float:
-    """Return the log evidence that the signals add to that of the modes for a cause."""
-    own = _by_signals(part)
-    return part.log_evidence - replace(part, log_density=part.log_density - own).log_evidence if own.any() else 0.0
+def evidence_of_signals(candidate: Candidate) -> list[float]:
+    """Return the log evidence that the signals add to that of the modes for each cause, by its own place.
+
+    That of the candidate is the largest of losses of stiffness.
+    """
+    found = []
+    for part in candidate.parts:
+        by_modes = part.log_density - joint_opening(part, [other for other in candidate.parts if other is not part])
+        alone, both = (replace(part, log_density=one) for one in (by_modes, by_modes + _by_signals(part)))
+        found.append(both.log_evidence - alone.log_evidence if isinstance(part.hypotheses, MayOpen) else 0.0)
+    return found
 
 
 def ranked(found: Sequence[Candidate]) -> list[Candidate]:

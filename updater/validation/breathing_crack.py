@@ -29,7 +29,7 @@ import numpy as np
 import scipy  # its parts at their first use
 
 from daq import FloatArray, Recording
-from updater.causes import Cause, LocalStiffness, Springs
+from updater.causes import Cause, LocalStiffness, Springs, joint_opening
 from updater.inference import Fit
 from updater.modal_data import ModalMean
 from updater.quantities import BREATHES, Breathing, NonlinearGain, Opening, Quantity, rounded_value
@@ -60,6 +60,7 @@ def breathing(
     recording: Recording,
     before: Recording | None = None,
     heldout: Recording | None = None,
+    others: Sequence[Fit[Cause]] = (),
 ) -> Breathing | None:
     """Return how far a loss of stiffness closes; None for other causes, short records or too few channels.
 
@@ -76,6 +77,7 @@ def breathing(
         samples
     before : likewise, of a window without the loss
     heldout : likewise, of a window with the loss, which is predicted
+    others : fits of the other causes of the same joint fit
     """
     cause = part.hypotheses
     if not isinstance(cause, LocalStiffness | Springs):
@@ -83,7 +85,7 @@ def breathing(
     place = LossTests.of(cause, event, recording, before)
     if place is None:
         return None
-    prior = part.log_density + cause.log_prior - cause.opening(part.theta, np.arange(len(part.theta)))
+    prior = part.log_density + cause.log_prior - joint_opening(part, others)
     tests = [
         test
         for row in _places(cause, part)

@@ -9,9 +9,10 @@ from daq import FloatArray
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Body, ModalMean, Model, Reference, build_model, diagnose, learn_reference, matched, stack_tracks
-from updater.causes import LocalStiffness
+from updater.causes import JointHypothesis, LocalStiffness, SelectedCause, joint_opening
 from updater.causes.stiffness.local_stiffness import propose_local_stiffness
-from updater.inference import compare
+from updater.inference import Fit, compare
+from updater.modal_data import Circumstances, OpeningEvidence
 from updater.structure import Member
 
 TRACK = np.arange(8)
@@ -198,3 +199,39 @@ def test_crack_next_to_the_foot_is_ambiguous_with_the_foot() -> None:
     assert found.verdict == "ambiguous"
     named = {name for c in found.causes for name in (c.cause, *c.cannot_be_told_from)}
     assert named == {"local_stiffness", "support_stiffness"}
+
+
+def test_two_losses_near_one_place_have_the_evidence_of_the_signals_once() -> None:
+    """A joint hypothesis has the largest ratio of its losses, not their sum."""
+    reference, now = reference_and_event()
+    point = reference.structure.member[0].point(0.3)
+    evidence = OpeningEvidence(position=np.array([point]), log_ratio=np.array([20.0]), reach=1.0)
+    silent, opening = (
+        propose_local_stiffness(reference, compare(reference, now, circumstances=Circumstances(opening=known)))
+        for known in ({}, {"local_stiffness": evidence})
+    )
+    assert silent
+    assert opening
+    rows = np.arange(len(opening.start))
+    theta = opening.start.copy()
+    theta[:, 0] = 0.2
+    alone = opening.opening(theta, rows)
+    best = int(np.argmax(alone))
+    assert alone[best] > 10
+    covariance = np.tile(0.01 * np.eye(8), (len(rows), 1, 1))
+    both = np.column_stack([theta, np.tile(theta[best], (len(rows), 1))])
+    with_signals, by_modes = (
+        JointHypothesis(cause, (SelectedCause(cause, best, theta[best]),)) for cause in (opening, silent)
+    )
+    added = with_signals.log_ratio(both, covariance, rows) - by_modes.log_ratio(both, covariance, rows)
+    np.testing.assert_allclose(added, alone[best], rtol=1e-12)
+    fitted = Fit(
+        hypotheses=opening,
+        theta=theta,
+        covariance=covariance[:, :4, :4],
+        chi_square=np.zeros(len(rows)),
+        log_density=np.where(rows == best, 0.0, -50.0),
+        freedom=1.0,
+        frequency_residual=np.zeros((len(rows), 1)),
+    )
+    np.testing.assert_allclose(joint_opening(fitted, [fitted]), alone[best], rtol=1e-12)
