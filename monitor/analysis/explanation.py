@@ -134,7 +134,7 @@ def explain(
         event = _event(reference, now, before)
         work = replace(effort or Effort(), record=event.circumstances.effort.record)
         signals = None
-        if before and now.sample:
+        if before and before.sample and now.sample:
             signals = Signals(now=now.sample, before=before.sample, heldout=heldout.sample if heldout else None)
         own = replace(event.circumstances, known_masses=known, effort=work, signals=signals)
         event = replace(event, circumstances=own)

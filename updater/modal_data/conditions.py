@@ -47,7 +47,7 @@ class Signals:
     """Signals with which a loss of stiffness is tested for opening and closing."""
 
     now: Recording  #: of a window with the loss
-    before: Recording | None  #: of a window without it
+    before: Recording  #: of a window without it
     heldout: Recording | None = None  #: of a further window with it, which is predicted
 
 
