@@ -99,6 +99,7 @@ def test_place_is_the_same_despite_rounding() -> None:
         update={"causes": (cause.model_copy(update={"where": moved, "breathing": None}),)}
     )
     assert now.sample
+    assert before.sample
     signals = Signals(now=now.sample, before=before.sample)
     again = with_breathing(replace(found.explained, diagnosis=answer), found.sought, found.event, signals)
     assert again.diagnosis.causes[0].breathing == cause.breathing

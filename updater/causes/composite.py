@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -143,7 +143,7 @@ class JointHypothesis(Generic[C]):
         return own, *(replace(c, theta=theta[columns]) for c, columns in self._columns())
 
 
-def joint_opening(part: Fit[Cause], others: Sequence[Fit[Cause]]) -> FloatArray:
+def joint_opening(part: Fit[Any], others: Sequence[Fit[Any]]) -> FloatArray:
     """Return the log likelihood ratio by the signals (n,) that the density of each alternative of a joint fit contains.
 
     Parameters
