@@ -63,7 +63,7 @@ from updater.inference import MODEL_ERROR, Comparison, compare
 from updater.modal_data import NOTHING_KNOWN, Circumstances, KnownMass, ModalMean, OpeningEvidence
 from updater.reference import Calibration, ModelFit, Reference
 from updater.structure import Structure
-from updater.validation import opening_evidence
+from updater.validation import opening_evidence, opens_significantly
 
 _ROUGHER = 2.0  # times the model error that a good model has, to search with
 _WORTH = 10.0  # of log evidence: another cause, its place and size; below the best, losses tested with the signals
@@ -264,8 +264,7 @@ def _opening(
     signals, losses = circumstances.signals, [c for c in singles if c.log_evidence > most - _WORTH]
 
     def evidence() -> Mapping[str, OpeningEvidence]:
-        found = opening_evidence(event, [c.parts[0] for c in losses], signals)
-        if not found:
+        if not opens_significantly(event, [c.parts[0] for c in losses], signals):
             return {}
         every = [with_relaxed_form(weighing, c) for c in singles]  # places of all losses are compared by the signals
         return opening_evidence(event, [c.parts[0] for c in every], signals)

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from updater.validation.shape_expansion import expand_measured as expand_measured
     from updater.validation.shape_expansion import model_modes as model_modes
     from updater.validation.signal_evidence import opening_evidence as opening_evidence
+    from updater.validation.signal_evidence import opens_significantly as opens_significantly
     from updater.validation.virtual_sensors import VirtualSensing as VirtualSensing
     from updater.validation.virtual_sensors import gapless_part as gapless_part
     from updater.validation.virtual_sensors import virtual_sensing as virtual_sensing

@@ -19,11 +19,19 @@ _LEAST_LOSS = 0.05  # of the logarithm of stiffness: the action of a smaller one
 _DOUBTFUL = 0.05  # p value in the window alone, above which the window before the change is not tested
 
 
-def opening_evidence(event: ModalMean, parts: Sequence[Fit[Cause]], signals: Signals) -> Mapping[str, OpeningEvidence]:
-    """Return the evidence for each loss of stiffness by its name; empty if no place opens and closes significantly.
+def opens_significantly(event: ModalMean, parts: Sequence[Fit[Cause]], signals: Signals) -> bool:
+    """Return whether a place of a loss of stiffness opens and closes significantly; parameters as below.
 
-    Half of all losses are assumed to open and close. The p value of the most significant place is multiplied by the
-    number of places and actions that are tested. Where it is significant, places in between are tested too.
+    The p value of the most significant place is multiplied by the number of places and actions that are tested.
+    """
+    p_values = [p for _, _, _, own in _of_losses(event, parts, signals) for p in own]
+    return bool(p_values) and len(p_values) * min(p_values) < BREATHES
+
+
+def opening_evidence(event: ModalMean, parts: Sequence[Fit[Cause]], signals: Signals) -> Mapping[str, OpeningEvidence]:
+    """Return the evidence for each loss of stiffness by its name, also at places between the most probable ones.
+
+    Half of all losses are assumed to open and close. It is empty if the signals cannot be tested.
 
     Parameters
     ----------
@@ -32,20 +40,23 @@ def opening_evidence(event: ModalMean, parts: Sequence[Fit[Cause]], signals: Sig
     signals : of the window, and of one before the change: forces that are not symmetric, such as blows from one side,
         have a nonlinear part on a linear structure too
     """
-    found = list[tuple[Fit[Any], LossTests, OpeningEvidence]]()
-    p_values = list[float]()
+    found = _of_losses(event, parts, signals)
+    return {part.hypotheses.name: _refined(part, tests, evidence) for part, tests, evidence, _ in found}
+
+
+def _of_losses(
+    event: ModalMean, parts: Sequence[Fit[Cause]], signals: Signals
+) -> list[tuple[Fit[Any], LossTests, OpeningEvidence, list[float]]]:
+    """Return each loss of stiffness with its tests, its evidence, and the p value of each test; empty without tests."""
+    found = list[tuple[Fit[Any], LossTests, OpeningEvidence, list[float]]]()
     for part in parts:
         cause = part.hypotheses
         if isinstance(cause, LocalStiffness | Springs):
             tests = LossTests.of(cause, event, signals.now, signals.before)
             if tests is None:
-                return {}
-            evidence, own = _evidence(part, tests, _APART)
-            p_values += own
-            found.append((part, tests, evidence))
-    if not p_values or len(p_values) * min(p_values) >= BREATHES:
-        return {}
-    return {part.hypotheses.name: _refined(part, tests, evidence) for part, tests, evidence in found}
+                return []
+            found.append((part, tests, *_evidence(part, tests, _APART)))
+    return found
 
 
 def _evidence(part: Fit[Any], tests: LossTests, share: float) -> tuple[OpeningEvidence, list[float]]:
