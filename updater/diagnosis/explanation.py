@@ -33,7 +33,6 @@ from updater.diagnosis.naming import (
     rejected_causes,
     shares,
     with_place_names,
-    with_signal_evidence,
 )
 from updater.diagnosis.next_measurement import next_measurement, smallest_changes
 from updater.diagnosis.relaxation import relaxed_alone, relaxed_beside, unrelaxed_beside, with_relaxed_form
@@ -347,7 +346,7 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
     ----------
     searched : log evidence of the best, as `case.singles` have theirs
     """
-    named, sure, left_open = named_causes(case.data, found, SURE)
+    named, sure, left_open = named_causes(case.data, found, SURE, case.weighing.log_nothing)
     best = found[0]
     chosen, data = _with_all_modes(case, agreeing(case.data, best.chosen))
     chosen = as_reported(data, chosen, best)
@@ -362,7 +361,6 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
     extended = extended_structure(calibration, others, best.parts)
     if any(CATALOGUE[name].of_the_file for name in best.names):
         named = each_once(tuple(as_written(cause, extended, calibration.nominal) for cause in named))
-    named = with_signal_evidence(named, found, case.weighing.log_nothing)
     named = tuple(with_place_names(cause, case.reference.structure) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
     faults = case.weighing.faults

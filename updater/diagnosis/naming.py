@@ -62,14 +62,22 @@ _WORTH_AN_ALIAS = 1e-3  # relative to it, if the data cannot distinguish the two
 
 
 def named_causes(
-    data: Comparison, found: "list[Candidate]", sure: float
+    data: Comparison, found: "list[Candidate]", sure: float, log_nothing: float
 ) -> tuple[tuple[Cause, ...], bool, "list[Candidate]"]:
     """Return the causes with the posterior share `sure`, whether it is a single one, and all left open.
 
     Candidates that the data cannot separate are one set: its best member represents it with the probability of all. One
     cause at two places is two candidates. The stated probability leaves a chance that something that is not modelled
     imitates the causes.
+
+    Parameters
+    ----------
+    data : compared
+    found : candidates, the best first
+    sure : probability from which on a cause is named
+    log_nothing : log evidence for no change
     """
+    decides = _decided_by_signals(found, log_nothing)
     found = by_place(found)
     probability = shares(found)
     left = [i for i in range(len(found)) if probability[i] >= _WORTH_AN_ALIAS * probability.max()]
@@ -87,7 +95,7 @@ def named_causes(
     for share, alike in sets:
         if held >= sure or share < WORTH_NAMING * sets[0][0]:
             break
-        named += _causes([found[i] for i in alike], (1 - _UNMODELLED) * share, found)
+        named += _causes([found[i] for i in alike], (1 - _UNMODELLED) * share, found, decides)
         left_open += [found[i] for i in alike]
         held += share
     alone = sets[0][0] >= sure and not any(c.cannot_be_told_from for c in named)
@@ -143,7 +151,9 @@ def _informed(candidate: "Candidate") -> bool:
     return any(isinstance(c.cause, CommonFactor) and c.cause.informed for c in candidate.chosen)
 
 
-def _causes(alike: "list[Candidate]", probability: float, every: "list[Candidate]") -> list[Cause]:
+def _causes(
+    alike: "list[Candidate]", probability: float, every: "list[Candidate]", decides: Collection[tuple[str, ...]]
+) -> list[Cause]:
     """Return the causes of the first candidate, each with its alternatives in the others.
 
     Parameters
@@ -151,11 +161,12 @@ def _causes(alike: "list[Candidate]", probability: float, every: "list[Candidate
     alike : candidates that the data cannot separate
     probability : of all of them
     every : all candidates; less probable ones that differ by a connection and a stretch next to it are alternatives too
+    decides : names of the causes of candidates for which the signals decide
     """
     first, *others = alike
     fitted = [*others, *(c for c in every if c not in alike and _at_one_connection(first, c))]
     found = []
-    for chosen, part in zip(first.chosen, first.parts, strict=True):
+    for chosen, part, by_signals in zip(first.chosen, first.parts, evidence_of_signals(first), strict=True):
         name = chosen.cause.name
         in_its_place = [other.cause.name for _, other, _ in _in_its_place(name, first, others)]
         aliases = tuple(dict.fromkeys((*chosen.cause.cannot_be_told_from, *in_its_place, *_of_a_connection(part))))
@@ -165,8 +176,17 @@ def _causes(alike: "list[Candidate]", probability: float, every: "list[Candidate
             for candidate, other, fit in (best[alias] for alias in aliases if alias in best)
         )
         own = _fitted(chosen, part)
+        if by_signals:
+            own["signals"] = SignalEvidence(log_evidence=by_signals, decides=first.names in decides)
         found.append(Cause(probability=probability, cannot_be_told_from=aliases, alternatives=alternatives, **own))
     return found
+
+
+def _decided_by_signals(found: "Sequence[Candidate]", log_nothing: float) -> list[tuple[str, ...]]:
+    """Return the names of candidates than which another one, or no change, is more probable by the modes alone."""
+    by_modes = [c.log_evidence - max(filter(None, evidence_of_signals(c)), default=0.0) for c in found]
+    most = max(*by_modes, log_nothing)
+    return [c.names for c, own in zip(found, by_modes, strict=True) if own < most]
 
 
 def _fitted(chosen: SelectedCause, part: "Fit[causes.Cause]") -> dict[str, Any]:
@@ -445,26 +465,6 @@ def with_place_names(cause: Cause, structure: Structure) -> Cause:
     """Return a cause with the names of its places and its alternatives', and of the parameters that they change."""
     alternatives = tuple(other.model_copy(update=_place_names(other, structure)) for other in cause.alternatives)
     return cause.model_copy(update=_place_names(cause, structure) | {"alternatives": alternatives})
-
-
-def with_signal_evidence(named: Sequence[Cause], found: "Sequence[Candidate]", log_nothing: float) -> tuple[Cause, ...]:
-    """Return the causes of the best candidate with the evidence of the signals.
-
-    Parameters
-    ----------
-    found : candidates, the best first
-    log_nothing : log evidence for no change
-    """
-    by_signals = [max(evidence_of_signals(c)) for c in found]
-    by_modes = [c.log_evidence - own for c, own in zip(found, by_signals, strict=True)]
-    decides = by_modes[0] < max(*by_modes, log_nothing)
-    own = dict(zip(found[0].names, evidence_of_signals(found[0]), strict=True))
-    return tuple(
-        cause.model_copy(update={"signals": SignalEvidence(log_evidence=own[cause.cause], decides=decides)})
-        if own.get(cause.cause)
-        else cause
-        for cause in named
-    )
 
 
 def _place_names(cause: FittedCause, structure: Structure) -> dict[str, object]:

@@ -180,9 +180,9 @@ def _by_signals(part: Fit[Cause]) -> FloatArray:
 
 
 def evidence_of_signals(candidate: Candidate) -> list[float]:
-    """Return the log evidence that the signals add to that of the modes for each cause, by its own place.
+    """Return the log evidence that the signals add to that of the modes for each cause, 0 if it cannot open and close.
 
-    That of the candidate is the largest of losses of stiffness.
+    That of the candidate is the largest of the losses of stiffness.
     """
     found = []
     for part in candidate.parts:
