@@ -57,7 +57,8 @@ class OpeningEvidence:
 
     position: FloatArray  #: (n_places, 3) tested [m]
     log_ratio: FloatArray  #: (n_places,) log likelihood ratio to a linear structure
-    reach: float  #: distance to the next tested place [m]
+    reach: float  #: smallest distance of tested places [m]
+    n_tests: int = 0  #: number of tests of all losses, by which the p value of a place found with them is multiplied
 
     def at(self, position: FloatArray) -> FloatArray:
         """Return the log likelihood ratio (n,) at positions (n, 3) [m], linear between places, zero beyond them."""

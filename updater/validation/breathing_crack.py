@@ -64,7 +64,8 @@ def breathing(
 ) -> Breathing | None:
     """Return how far a loss of stiffness closes; None for other causes, short records or too few channels.
 
-    The probable places of the loss are tried, because the nonlinear part of the signals shows the place too. Forces
+    The probable places of the loss are tried, because the nonlinear part of the signals shows the place too. Where they
+    are probable by the evidence of the signals, the p value is multiplied by the number of its tests as well. Forces
     that are not symmetric, such as blows from one side, have a nonlinear part in a linear structure. It is measured
     before the loss, and subtracted.
 
@@ -95,7 +96,9 @@ def breathing(
         return None  # stiffness was gained
     best = max(tests, key=lambda test: test.log_density)
     bias, of_bias, p_value = best.against(place.before(best))
-    posterior = _Posterior.of(tests, (bias, of_bias), min(1.0, len(tests) * p_value), 1 / cause.deviations(part))
+    known = cause.comparison.circumstances.opening.get(cause.name)
+    n_tests = len(tests) + (known.n_tests if known else 0)
+    posterior = _Posterior.of(tests, (bias, of_bias), min(1.0, n_tests * p_value), 1 / cause.deviations(part))
     if not posterior.closes:
         return posterior.breathing
     unused = None if heldout is None else SignalWindow.of(posterior.best.test.state, cause.comparison, heldout)
@@ -214,7 +217,7 @@ class _Posterior:
         Parameters
         ----------
         bias : size without a loss, and its variance
-        p_value : of all places
+        p_value : of all tests
         std : of the mean flexibility, relative [-]
         """
         closes = p_value < BREATHES

@@ -40,8 +40,11 @@ def opening_evidence(event: ModalMean, parts: Sequence[Fit[Cause]], signals: Sig
     signals : of the window, and of one before the change: forces that are not symmetric, such as blows from one side,
         have a nonlinear part on a linear structure too
     """
-    found = _of_losses(event, parts, signals)
-    return {part.hypotheses.name: _refined(part, tests, evidence) for part, tests, evidence, _ in found}
+    found, n_tests = dict[str, OpeningEvidence](), 0
+    for part, tests, evidence, p_values in _of_losses(event, parts, signals):
+        found[part.hypotheses.name], finer = _refined(part, tests, evidence)
+        n_tests += len(p_values) + len(finer)
+    return {name: replace(evidence, n_tests=n_tests) for name, evidence in found.items()}
 
 
 def _of_losses(
@@ -83,13 +86,16 @@ def _evidence(part: Fit[Any], tests: LossTests, share: float) -> tuple[OpeningEv
     return OpeningEvidence(position=cause.places(part.theta[rows], rows), log_ratio=log_ratio, reach=apart), p_values
 
 
-def _refined(part: Fit[Any], tests: LossTests, evidence: OpeningEvidence) -> OpeningEvidence:
-    """Return the evidence at places that are closer together, the most probable ones by modes and signals."""
+def _refined(part: Fit[Any], tests: LossTests, evidence: OpeningEvidence) -> tuple[OpeningEvidence, list[float]]:
+    """Return the evidence at places that are closer together, the most probable ones by modes and signals.
+
+    The second value has the p value of each further test.
+    """
     cause = part.hypotheses
     if isinstance(cause, Springs):
-        return evidence
+        return evidence, []
     own = evidence.at(cause.places(part.theta, np.arange(len(part.theta))))
-    return _evidence(replace(part, log_density=part.log_density + own), tests, _FINER)[0]
+    return _evidence(replace(part, log_density=part.log_density + own), tests, _FINER)
 
 
 def _at_least(cause: Loss, theta: FloatArray) -> FloatArray:
