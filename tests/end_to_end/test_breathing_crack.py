@@ -128,7 +128,7 @@ def test_crack_too_small_for_the_modes_is_named_by_the_signals(crack: Crack, see
     assert abs(cause.where.position[2] - crack.place * SMALL_PORTAL.height) < 3 * cause.where.position_std
     assert cause.signals
     assert cause.signals.decides
-    assert "the signals decide" in breathing_text(cause)
+    assert "decided by the signals" in breathing_text(cause)
 
 
 @pytest.mark.parametrize(("seed", "kind"), few_of([(s, kind) for s in range(5) for kind in FORCES], 1))

@@ -271,7 +271,7 @@ def _drawn(one: Callable[[], Done], wanted: Callable[[float], bool], noise: str)
 
 
 def detection_power(done: Done, noise: str = "law") -> float:
-    """Return how often a chi-square test of all data at a level of 1 % would see that something has changed.
+    """Return how often a chi-square test of all data at a level of 1 % detects that something has changed.
 
     Frequencies, complex shapes and damping of the modes in the band, with the noise of 8 windows before and 5 after.
     For a change with a position, the common part of all frequencies counts only beyond 0.3 %.

@@ -161,7 +161,7 @@ def _causes(
     alike : candidates that the data cannot separate
     probability : of all of them
     every : all candidates; less probable ones that differ by a connection and a stretch next to it are alternatives too
-    decides : names of the causes of candidates for which the signals decide
+    decides : names of the causes of candidates that are decided by the signals
     """
     first, *others = alike
     fitted = [*others, *(c for c in every if c not in alike and _at_one_connection(first, c))]

@@ -174,9 +174,8 @@ class SignalWindow:
     def modal_motion(self, state: ModalState) -> tuple[ComplexArray, FloatArray]:
         """Return the motion (n_lines, n_modes) in the reference's modes, times omega^2 of the modes of the state.
 
-        The second value is the power (n_lines,) of the force on each mode.
-
-        That of the modes in the band. Forces are white on all modes alike, and noise is alike in all sensors, both
+        The second value is the power (n_lines,) of the force on each mode. Modes outside the band are left out of the
+        motion. Forces are white on all modes alike, and noise is alike in all sensors, both
         within a range of frequencies.
         """
         segment, spectrum = self._segment(self.n), self._spectrum(self._data)

@@ -50,7 +50,7 @@ def _drawn(kind: str, seed: int) -> tuple[Portal, Crack, Force]:
 
 
 def _power(portal: Portal, crack: Crack, open_time: float, before: Observation, after: Observation) -> float:
-    """Return how often a chi-square test of the measured frequencies at a level of 1 % would see the mean flexibility.
+    """Return how often a chi-square test of the measured frequencies at a level of 1 % detects the mean flexibility.
 
     As in the other cells (`tests/examiner/cases.py`), the common part of all frequencies counts only beyond 0.3 %. The
     true shifts are those of the modes nearest to the measured ones.
