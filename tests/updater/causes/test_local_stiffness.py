@@ -9,8 +9,9 @@ from daq import FloatArray
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Body, ModalMean, Model, Reference, build_model, diagnose, learn_reference, matched, stack_tracks
-from updater.causes import JointHypothesis, LocalStiffness, SelectedCause, joint_opening
+from updater.causes import Cause, JointHypothesis, LocalStiffness, SelectedCause, joint_opening
 from updater.causes.stiffness.local_stiffness import propose_local_stiffness
+from updater.diagnosis.weighing import Candidate, evidence_of_signals
 from updater.inference import Fit, compare
 from updater.modal_data import Circumstances, OpeningEvidence
 from updater.structure import Member
@@ -225,13 +226,20 @@ def test_two_losses_near_one_place_have_the_evidence_of_the_signals_once() -> No
     )
     added = with_signals.log_ratio(both, covariance, rows) - by_modes.log_ratio(both, covariance, rows)
     np.testing.assert_allclose(added, alone[best], rtol=1e-12)
-    fitted = Fit(
-        hypotheses=opening,
-        theta=theta,
-        covariance=covariance[:, :4, :4],
-        chi_square=np.zeros(len(rows)),
-        log_density=np.where(rows == best, 0.0, -50.0),
-        freedom=1.0,
-        frequency_residual=np.zeros((len(rows), 1)),
+    least = int(np.argmin(alone))
+    here, there = (
+        Fit[Cause](
+            hypotheses=opening,
+            theta=theta,
+            covariance=covariance[:, :4, :4],
+            chi_square=np.zeros(len(rows)),
+            log_density=np.where(rows == row, 0.0, -100.0) + np.maximum(alone, alone[best]),
+            freedom=1.0,
+            frequency_residual=np.zeros((len(rows), 1)),
+        )
+        for row in (best, least)
     )
-    np.testing.assert_allclose(joint_opening(fitted, [fitted]), alone[best], rtol=1e-12)
+    np.testing.assert_allclose(joint_opening(there, [here]), alone[best], rtol=1e-12)
+    chosen = tuple(SelectedCause(opening, row, theta[row]) for row in (best, least))
+    found = evidence_of_signals(Candidate(chosen, (here, there), log_evidence=0.0, p_value=1.0, chi_square=0.0))
+    np.testing.assert_allclose(found, alone[[best, least]], atol=1e-6)  # each by its own place
