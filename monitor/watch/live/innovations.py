@@ -59,7 +59,7 @@ class InnovationMonitor:
 
     def _forget(self) -> None:
         self._filter: _ModeFilter | None = None
-        self._calm: list[Recording] = []  # blocks of the calm windows before the last one
+        self._calm: list[Recording] = []  # blocks of the calm windows before the last one, since the last gap
         self._held: list[Recording] = []  # blocks of the last calm window
         self._pending: list[Recording] = []  # blocks since
 
@@ -83,11 +83,11 @@ class InnovationMonitor:
             if self._filter:
                 self._filter.learn(calm=calm)
             elif calm:
-                self._calm += self._held
+                self._calm = _without_gap([*self._calm, *self._held])
                 self._held, self._pending = self._pending, []
                 self._learn()
             else:
-                self._held, self._pending = [], []
+                self._calm, self._held, self._pending = [], [], []
 
     def _begin(self, reference: Reference | None) -> None:
         """Take a new reference; blocks have no delays of devices from now on."""
@@ -109,29 +109,32 @@ class InnovationMonitor:
 
     def _learn(self) -> None:
         """Learn the filter as soon as the calm blocks last long enough; a reference that is not suitable is left."""
-        record = _last_stretch(self._calm)
-        if record is None or self._reference is None or len(record.data) < self._learn_seconds * record.rate:
+        if self._reference is None or not self._calm:
+            return
+        record = replace(self._calm[0], data=np.vstack([block.data for block in self._calm]))
+        if len(record.data) < self._learn_seconds * record.rate:
             return
         try:
             model = ResponseModel.learn(self._reference, record)
         except ModalDataError as error:
             _log.info("no innovations of the modes: %s", error)
             self._assembler = None
+            self._forget()
             return
         memory = _MEMORY * self._settings.analysis.window_seconds / self._seconds
         self._filter = _ModeFilter(model, record, self._seconds, memory)
         self._calm, self._held, self._pending = [], [], []
 
 
-def _last_stretch(blocks: list[Recording]) -> Recording | None:
-    """Return the last blocks that follow each other without a gap as one recording; None if there are none."""
+def _without_gap(blocks: list[Recording]) -> list[Recording]:
+    """Return the last blocks that follow each other without a gap."""
     stretch: list[Recording] = []
     for block in blocks:
         if stretch and not _follows(stretch[-1], block):
             stretch = []
         if np.isfinite(block.data).all():
             stretch.append(block)
-    return replace(stretch[0], data=np.vstack([block.data for block in stretch])) if stretch else None
+    return stretch
 
 
 def _follows(before: Recording, block: Recording) -> bool:

@@ -1,5 +1,6 @@
 """Innovations of the modes, on the signals of a virtual rig with clocks of its own."""
 
+import gc
 from collections.abc import Iterable
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -7,15 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from daq import Block
+from daq import Block, Recording
 from monitor.results.innovations import ModeInnovations
+from monitor.results.windows import ReferenceResult, Result, WindowResult
 from monitor.rig import draw_t_frame
+from monitor.settings import Settings
 from monitor.watch.live.innovations import InnovationMonitor
+from monitor.watch.live.levels import is_calm
 from monitor.watch.pipeline import Pipeline
 from tests.support.monitor.rig import ORIGIN, rig_blocks, rig_settings, t_frame
+from updater import Reference
 
 SEED = 101
 LEARNED, CHANGE, END = 390.0, 400.3, 412.0  # s
+WINDOW = 20.0  # s
 
 
 @dataclass(frozen=True)
@@ -24,12 +30,31 @@ class Learned:
 
     monitor: InnovationMonitor
     before: list[ModeInnovations]
+    earlier: list[Block]
     later: list[Block]
+    settings: Settings
+    reference: Reference
+    reported: ReferenceResult
+    calm: WindowResult
 
     def innovations(self, blocks: Iterable[Block]) -> list[ModeInnovations]:
         """Return the innovations of the last blocks; nothing more is learned."""
         monitor = deepcopy(self.monitor)
         return [one for block in blocks for one in monitor.push(block)]
+
+    def started(self, settings: Settings | None = None, reference: Reference | None = None) -> InnovationMonitor:
+        """Return a monitor that has a reference, and no signals yet."""
+        monitor = InnovationMonitor(settings or self.settings, lambda: reference or self.reference)
+        monitor.take(self.reported)
+        return monitor
+
+    @property
+    def windows(self) -> list[list[Block]]:
+        """Earlier blocks, window by window."""
+        found: dict[int, list[Block]] = {}
+        for block in self.earlier:
+            found.setdefault(int((block.arrival_time - ORIGIN) * 1e-9 // WINDOW), []).append(block)
+        return list(found.values())
 
     @property
     def unchanged(self) -> list[Block]:
@@ -45,19 +70,26 @@ def seconds_of(innovations: ModeInnovations) -> float:
 def learned() -> Learned:
     print(f"seed {SEED}")
     scenario = draw_t_frame("t_structure", SEED, duration=0, between=(CHANGE, CHANGE))
-    settings = rig_settings(scenario, window=20.0, baseline_windows=8)
+    settings = rig_settings(scenario, window=WINDOW, baseline_windows=8)
     pipeline = Pipeline(t_frame(), settings)
     monitor = InnovationMonitor(settings, lambda: pipeline.reference)
     found: list[ModeInnovations] = []
+    earlier: list[Block] = []
     later: list[Block] = []
+    results: list[Result] = []
     for block in rig_blocks(scenario, END):
         if block.arrival_time > ORIGIN + LEARNED * 1e9:
             later.append(block)
             continue
+        earlier.append(block)
         found += monitor.push(block)
         for result in pipeline.push(block):
             monitor.take(result)
-    return Learned(monitor, found, later)
+            results.append(result)
+    reported = next(one for one in results if isinstance(one, ReferenceResult))
+    calm = next(one for one in results if isinstance(one, WindowResult) and is_calm(one))
+    assert pipeline.reference
+    return Learned(monitor, found, earlier, later, settings, pipeline.reference, reported, calm)
 
 
 def test_change_is_visible_within_seconds_and_nothing_before_it(learned: Learned) -> None:
@@ -94,7 +126,29 @@ def test_filter_starts_again_after_a_gap(learned: Learned) -> None:
     assert any(seconds_of(one) > 397 for one in found)
 
 
+def n_recordings() -> int:
+    """Return the number of recordings in memory."""
+    return sum(isinstance(one, Recording) for one in gc.get_objects())
+
+
+def test_memory_is_bounded_with_a_gap_in_each_window(learned: Learned) -> None:
+    """The filter is never learned; blocks before the last gap are discarded, so that the work is bounded too."""
+    monitor = learned.started()
+    gc.collect()
+    before, kept = n_recordings(), []
+    for blocks in learned.windows:
+        for block in [*blocks[:200], *blocks[204:]]:  # one block of each of the four devices is missing
+            assert not list(monitor.push(block))
+        monitor.take(learned.calm)
+        kept.append(n_recordings() - before)
+    print(kept)
+    assert len(kept) >= 19
+    assert max(kept) < 3 * WINDOW  # of 1 s: the stretch since the last gap, and the last window
+    monitor.take(learned.calm.model_copy(update={"phase": "alarm"}))
+    assert n_recordings() <= before + 2  # those of the assembler
+
+
 def test_without_a_model_there_are_no_innovations(learned: Learned) -> None:
     scenario = draw_t_frame("t_structure", SEED, duration=0, between=None)
-    monitor = InnovationMonitor(rig_settings(scenario, window=20.0, baseline_windows=8), lambda: None)
+    monitor = InnovationMonitor(rig_settings(scenario, window=WINDOW, baseline_windows=8), lambda: None)
     assert not [one for block in learned.later for one in monitor.push(block)]
