@@ -37,7 +37,7 @@ _LINES, _SHARE = 2, 0.03  # each way of a mode: lines, and share of its frequenc
 _WEIGHT = 0.2  # of the last block in the running mean
 _LEAST_MEANS = 300  # blocks before the running mean is used: its own deviation is that of few independent means
 _MEAN_STD = (_WEIGHT / (2 - _WEIGHT)) ** 0.5  # of it over that of a block, if blocks are independent
-_MOST_CHANNELS = 32
+_MOST_CHANNELS = 12  # up to which the cost was measured: the filter is learned in the analysis process
 _log = logging.getLogger(__name__)
 
 
@@ -46,7 +46,7 @@ class InnovationMonitor:
 
     Parameters
     ----------
-    settings : of the site; with more than 32 channels there are no innovations
+    settings : of the site; with more than 12 channels there are no innovations
     present : returns the present reference; None before it is learned, and without a model
     """
 
