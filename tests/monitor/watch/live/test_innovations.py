@@ -1,6 +1,7 @@
 """Innovations of the modes, on the signals of a virtual rig with clocks of its own."""
 
 import gc
+import logging
 from collections.abc import Iterable
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -148,7 +149,42 @@ def test_memory_is_bounded_with_a_gap_in_each_window(learned: Learned) -> None:
     assert n_recordings() <= before + 2  # those of the assembler
 
 
+def found_in(learned: Learned, monitor: InnovationMonitor) -> list[ModeInnovations]:
+    """Return the innovations of the earlier signals, all windows calm."""
+    found: list[ModeInnovations] = []
+    for blocks in learned.windows:
+        found += [one for block in blocks for one in monitor.push(block)]
+        monitor.take(learned.calm)
+    return found
+
+
+def test_innovations_exist_with_a_model_and_twelve_channels(learned: Learned) -> None:
+    """The counterpart of the three tests below."""
+    assert len(learned.settings.channels) == 12
+    assert len(found_in(learned, learned.started())) > 100
+
+
 def test_without_a_model_there_are_no_innovations(learned: Learned) -> None:
-    scenario = draw_t_frame("t_structure", SEED, duration=0, between=None)
-    monitor = InnovationMonitor(rig_settings(scenario, window=WINDOW, baseline_windows=8), lambda: None)
-    assert not [one for block in learned.later for one in monitor.push(block)]
+    monitor = InnovationMonitor(learned.settings, lambda: None)
+    monitor.take(learned.reported)
+    assert not found_in(learned, monitor)
+
+
+def test_more_than_twelve_channels_have_no_innovations(learned: Learned) -> None:
+    """The model has the first twelve; the thirteenth is another axis that was recorded."""
+    *others, last = learned.settings.device
+    (unused,) = {"x", "y", "z"} - set(last.channels)
+    device = last.model_copy(update={"channels": {**last.channels, unused: "thirteenth"}})
+    settings = learned.settings.model_copy(update={"device": (*others, device)})
+    assert len(settings.channels) == 13
+    assert not found_in(learned, learned.started(settings))
+
+
+def test_two_measured_places_have_no_innovations(learned: Learned, caplog: pytest.LogCaptureFixture) -> None:
+    """The errors of the shapes cannot be estimated; the reason is logged once."""
+    kept = [name for name in learned.reference.baseline.channels if name.startswith(("beam_left", "beam_right"))]
+    reference = learned.reference.without([name for name in learned.reference.baseline.channels if name not in kept])
+    with caplog.at_level(logging.INFO):
+        assert not found_in(learned, learned.started(reference=reference))
+    (record,) = [one for one in caplog.records if "innovations" in one.message]
+    assert record.message == "no innovations of the modes: measured places: expected at least 3, found 2"
