@@ -19,8 +19,8 @@ Errors = tuple[FloatArray, FloatArray]  # error over deviation (n, n_places), re
 
 
 def _compared(found: FloatArray, exact: FloatArray, std: FloatArray) -> Errors:
-    """Return the errors of estimates (n_samples, n_places), which are NaN before they have settled."""
-    settled = np.isfinite(found[:, 0])
+    """Return the errors of estimates (n_samples, n_places) where they and the truth have settled."""
+    settled = np.isfinite(found).all(1) & np.isfinite(exact).all(1)
     error = (found - exact)[settled]
     return error / std, error.std(0) / exact[settled].std(0)
 

@@ -6,6 +6,8 @@ measure is then the truth at a point without a sensor. The calibrated model and 
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from daq import FloatArray, Recording
 from updater.errors import ModalDataError
 from updater.reference import Reference
@@ -18,8 +20,8 @@ _LEAST_PLACES = 4  # one of them is left out
 class PredictedSensors:
     """Signals of the sensors of one place, measured and predicted from the other places."""
 
-    measured: Recording  #: in the band [m/s2], NaN where the filter settles
-    predicted: FloatArray  #: (n_samples, n_channels) [m/s2]
+    measured: Recording  #: in the band [m/s2], NaN near gaps of these sensors
+    predicted: FloatArray  #: (n_samples, n_channels), NaN where the filter settles [m/s2]
     std: FloatArray  #: (n_channels,) standard deviation of the prediction, without the noise of the sensor [m/s2]
 
 
@@ -40,7 +42,8 @@ class SensorPredictor:
         Raises
         ------
         ModalDataError
-            If a channel is missing, the rate is another, or no stretch without gaps is long enough.
+            If a channel is missing, the rate is another, no stretch without gaps is long enough, or no sample is both
+            measured and predicted.
         """
         found = self.model.estimate(recording, [SensorSignal(channel=channel) for channel in self.channels])
         names = [channel.name for channel in recording.channels]
@@ -49,7 +52,10 @@ class SensorPredictor:
         columns = [names.index(channel) for channel in self.channels]
         channels = tuple(recording.channels[k] for k in columns)
         own = replace(recording, channels=channels, data=recording.data[:, columns])
-        return PredictedSensors(measured=self.model.in_band(own), predicted=found.recording.data, std=found.std)
+        measured = self.model.in_band(own)
+        if not np.isfinite(measured.data + found.recording.data).any():
+            raise ModalDataError(f"recording: no sample of {', '.join(self.channels)} is both measured and predicted")
+        return PredictedSensors(measured=measured, predicted=found.recording.data, std=found.std)
 
 
 def learn_predictors(reference: Reference, recording: Recording) -> tuple[SensorPredictor, ...]:

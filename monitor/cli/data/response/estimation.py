@@ -205,11 +205,11 @@ def _size(estimates: Sequence[ResponseEstimate], i: int) -> tuple[float, float, 
 
 
 def _sensor_error(windows: Sequence[PredictedSensors], i: int) -> SensorError:
-    """Return the error of the prediction of a sensor."""
+    """Return the error of the prediction of a sensor, where both signals have settled after gaps."""
     measured, found = (
         np.concatenate([(own.measured.data if which else own.predicted)[:, i] for own in windows]) for which in (1, 0)
     )
-    settled = np.isfinite(found)
+    settled = np.isfinite(found) & np.isfinite(measured)
     measured, error = measured[settled], (found - measured)[settled]
     std = float(np.sqrt(np.mean([own.std[i] ** 2 for own in windows])))
     return SensorError(

@@ -71,6 +71,23 @@ def test_a_predictor_does_not_depend_on_the_sensors_of_its_place(
     np.testing.assert_allclose(second, 2 * first, rtol=1e-9, atol=1e-12)
 
 
+def test_gaps_of_a_sensor_are_none_of_its_prediction(
+    frame: UnmeasuredPoints, predictors: tuple[SensorPredictor, ...]
+) -> None:
+    recording, _ = frame.record(9.0, 1)
+    predictor, n = predictors[0], len(recording.data)
+    own = np.isin([channel.name for channel in recording.channels], predictor.channels)
+    early, late = (np.arange(n)[:, None] < n / 2, np.arange(n)[:, None] >= n / 2)
+    gap = replace(recording, data=np.where(own & early, np.nan, recording.data))
+    whole, found = predictor.predict(recording), predictor.predict(gap)
+    np.testing.assert_array_equal(found.predicted, whole.predicted)
+    assert np.isnan(found.measured.data[: n // 2]).all()
+    assert np.isfinite(found.measured.data).any()
+    neither = replace(gap, data=np.where(~own & late, np.nan, gap.data))
+    with pytest.raises(ModalDataError, match="is both measured and predicted"):
+        predictor.predict(neither)
+
+
 def test_records_that_do_not_fit_are_refused(frame: UnmeasuredPoints, predictors: tuple[SensorPredictor, ...]) -> None:
     recording, _ = frame.record(6.0, 11)
     predictor = predictors[0]
