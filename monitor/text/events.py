@@ -32,7 +32,7 @@ _SENTENCES = {
     "clock_changed": "the clock of the host was set by {by_s:+.3g} s",
     "analysis_failed": "the analysis has failed and starts again in {again_in_s:.3g} s",
     "analysis_lagging": "the analysis is restarted, and {left_out_s:.0f} s of data are left out",
-    "innovations_high": "signals deviate from the model about {frequency:.4g} Hz: {deviation:.1f} deviations",
+    "innovations_high": "signals deviate from the model near {frequency:.4g} Hz by {deviation:.1f} standard deviations",
     "windows_left_out": "windows are left out",
     "analysis_caught_up": "the analysis has caught up; {left_out} windows were left out",
     "baseline_reset": "a new baseline is learned",

@@ -2,8 +2,9 @@
 
 At every line of the spectrum the signals are y = Phi H p + v, with modal forces p of one real covariance at all lines
 and independent noise v of each sensor. The expectation-maximisation algorithm of a factor model maximises the Whittle
-likelihood: the posterior second moments of p and v are averaged over the lines (Rubin & Thayer, eqs 6 and 7). As many
-sensors as modes explain each other with little noise, whatever the errors of the shapes: these are added to v.
+likelihood: the posterior second moments of p and v are averaged over the lines (Rubin & Thayer, eqs 6 and 7). If there
+are as many modes as sensors, the model fits the signals exactly, and the estimated noise is near zero although the
+shapes have errors: these are added to v.
 
 References
 ----------
