@@ -17,7 +17,8 @@ class ModeInnovations(BaseModel):
     time: int  #: end of the block [ns UTC]
     seconds: float  #: length of the block [s]
     level: float  #: rms of all innovations over that of the learned record [-]
-    frequency: list[float]  #: of the measured modes of the reference [Hz]
+    mode: list[int]  #: numbers of the measured modes of the reference
+    frequency: list[float]  #: of these modes [Hz]
     deviation: list[float]  #: power about each mode over that of all innovations, in standard deviations of calm blocks
     limit: float  #: deviation above which a block is significant [-]
 

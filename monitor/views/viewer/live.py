@@ -26,7 +26,13 @@ from monitor.views.viewer.modes.trends import draw_legend, draw_trends
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import APPLICATION, at
 from monitor.views.viewer.scene import draw_bare_structure, draw_place
-from monitor.views.viewer.signals.channels import draw_innovations, draw_residuals, draw_rms, draw_temperature
+from monitor.views.viewer.signals.channels import (
+    clear_innovations,
+    draw_innovations,
+    draw_residuals,
+    draw_rms,
+    draw_temperature,
+)
 from monitor.views.viewer.signals.traces import SignalStream
 from monitor.views.viewer.spectrum import draw_spectra
 from monitor.views.viewer.state_lanes import (
@@ -130,6 +136,8 @@ class LiveResults:
         """Take one result; None is none, and a self-test is nothing to draw."""
         if isinstance(result, ReferenceResult):
             self._reference = result
+            at(self._recording, result.time)
+            clear_innovations(self._recording)
             if result.has_geometry:
                 draw_bare_structure(self._recording, result, result.time)
             write_reference(self._recording, result)

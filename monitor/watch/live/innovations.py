@@ -16,7 +16,7 @@ Mehra & Peschon (1971). An innovations approach to fault detection and diagnosis
 """
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -53,8 +53,9 @@ class InnovationMonitor:
     def __init__(self, settings: Settings, present: Callable[[], Reference | None]) -> None:
         self._settings, self._present = settings, present
         self._reference: Reference | None = None
+        self._numbers: dict[int, int] = {}  # mode of the model -> number of the measured one
         self._assembler: Assembler | None = None
-        self._seconds = _LEAST_SECONDS
+        self._seconds, self._learn_seconds = _LEAST_SECONDS, _LEARN_SECONDS
         self._forget()
 
     def _forget(self) -> None:
@@ -77,7 +78,7 @@ class InnovationMonitor:
     def take(self, result: Result) -> None:
         """Learn the blocks of the last calm window but one, or discard those of a changed one and of the one before."""
         if isinstance(result, ReferenceResult):
-            self._begin(self._present())
+            self._begin(self._present(), result)
         elif isinstance(result, WindowResult):
             calm = is_calm(result)
             if self._filter:
@@ -89,13 +90,14 @@ class InnovationMonitor:
             else:
                 self._calm, self._held, self._pending = [], [], []
 
-    def _begin(self, reference: Reference | None) -> None:
+    def _begin(self, reference: Reference | None, reported: ReferenceResult) -> None:
         """Take a new reference; blocks have no delays of devices from now on."""
         self._forget()
         self._reference, self._assembler = reference, None
         settings = self._settings
         if reference is None or len(settings.channels) > _MOST_CHANNELS:
             return
+        self._numbers = {int(k): mode.id for k, mode in zip(reference.paired, reported.modes, strict=True)}
         lowest = float(np.exp(reference.baseline.log_frequency.min()))
         self._seconds = max(_LEAST_SECONDS, _PERIODS / lowest)
         self._learn_seconds = max(_LEARN_SECONDS, _LEARN_PERIODS / lowest)
@@ -122,7 +124,7 @@ class InnovationMonitor:
             self._forget()
             return
         memory = _MEMORY * self._settings.analysis.window_seconds / self._seconds
-        self._filter = _ModeFilter(model, record, self._seconds, memory)
+        self._filter = _ModeFilter(model, record, self._numbers, self._seconds, memory)
         self._calm, self._held, self._pending = [], [], []
 
 
@@ -147,16 +149,20 @@ class _ModeFilter:
     Parameters
     ----------
     model, record : learned model, and the signals that it was learned from
+    numbers : mode of the model -> number of the measured one
     seconds : length of a block [s]
     memory : number of blocks over which older ones are forgotten
     """
 
-    def __init__(self, model: ResponseModel, record: Recording, seconds: float, memory: float) -> None:
+    def __init__(
+        self, model: ResponseModel, record: Recording, numbers: Mapping[int, int], seconds: float, memory: float
+    ) -> None:
         self._model, self._seconds = model, seconds
         names = [channel.name for channel in record.channels]
         self._columns: IndexArray = np.array([names.index(channel) for channel in model.channels], np.intp)
         measured = np.flatnonzero(np.isin(model.modes, model.reference.paired))
         self._frequency = model.system.frequency[measured]
+        self._numbers = [numbers[int(mode)] for mode in model.modes[measured]]
         innovations = LiveFilter(model).run(record.data[:, self._columns])[1][2 * model.settling :]
         self._inverse = np.linalg.inv(innovations.T @ innovations / len(innovations))
         shape = model.reference.at_channels(model.channels)[:, model.modes[measured]]
@@ -208,6 +214,7 @@ class _ModeFilter:
                 time=block.end,
                 seconds=self._seconds,
                 level=level,
+                mode=self._numbers,
                 frequency=self._frequency.tolist(),
                 deviation=(off.reshape(2, -1).max(0) if use_means else off[: len(power)]).tolist(),
                 limit=LIMIT,

@@ -7,7 +7,8 @@ from monitor.results.windows import WindowResult
 
 _LEAST_LEVELS = 60  # blocks before a deviation is computed
 # Least standard deviation of a level. Residuals: below that of noise at all 0.4 * 2048 lines of the longest block,
-# 0.5 / sqrt(819) = 0.017. Innovations: below that of the cube root of a power of n lines, 1 / (3 sqrt(n)), for n < 1111.
+# 0.5 / sqrt(819) = 0.017. Innovations: below that of the cube root of a mean power of n lines, 1 / (3 sqrt(n)), for
+# n < 1111.
 _LEAST_STD = 0.01
 
 

@@ -51,8 +51,14 @@ def draw_residuals(recording: rr.RecordingStream, residuals: ChannelResiduals) -
 
 def draw_innovations(recording: rr.RecordingStream, innovations: ModeInnovations) -> None:
     """Draw the innovations about each mode, and the limit [standard deviations]."""
-    names = [f"{frequency:.4g} Hz" for frequency in innovations.frequency]
+    modes = zip(innovations.mode, innovations.frequency, strict=True)
+    names = [f"mode {number}, {frequency:.4g} Hz" for number, frequency in modes]
     _draw_block(recording, "innovations", innovations, dict(zip(names, innovations.deviation, strict=True)))
+
+
+def clear_innovations(recording: rr.RecordingStream) -> None:
+    """End the series of the modes, at the time that is set."""
+    recording.log("/channels/innovations", rr.Clear(recursive=True))
 
 
 def _draw_block(

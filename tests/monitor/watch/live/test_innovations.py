@@ -103,6 +103,9 @@ def test_change_is_visible_within_seconds_and_nothing_before_it(learned: Learned
     first = next(one for one in after if one.over)
     assert seconds_of(first) < CHANGE + 4
     assert np.mean([one.over for one in after]) > 0.5
+    numbers = {mode.id: mode.frequency for mode in learned.reported.modes}
+    assert sorted(first.mode) == sorted(numbers)
+    np.testing.assert_allclose(first.frequency, [numbers[mode] for mode in first.mode], rtol=1e-6)
     assert 0.8 < np.median([one.level for one in before]) < 1.25
 
 
