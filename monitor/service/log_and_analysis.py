@@ -77,7 +77,7 @@ def new_analysis(site: Site, clock: HostClock, tell: Callable[[Event], None], me
     )
     return Analysis(
         keeper=ResilientWriter(recorder, DiskGuard(folder, _retention(recorder_settings)), tell),
-        worker=Worker(site.structure_text, site.site_text, memory, keep=True),
+        worker=Worker(site.structure_text, site.site_text, memory),
     )
 
 

@@ -60,15 +60,14 @@ class Worker:
     ----------
     structure, site : texts of the structure's TOML, empty for none, and of the site's
     memory : text of the saved state to be continued; empty for none
-    keep : whether the state for a restart is sent too, after each item with results
     """
 
-    def __init__(self, structure: str, site: str, memory: str = "", *, keep: bool = False) -> None:
+    def __init__(self, structure: str, site: str, memory: str = "") -> None:
         context = multiprocessing.get_context("spawn")
         self._inbox: Queue[Item] = queue_to_child()
         self._outbox: Queue[WorkerMessage | None] = context.Queue()
         self._newest = context.Value("q", 0)  # until when signals have come [ns UTC]
-        task = _Task(structure, site, memory, keep, self._newest)
+        task = _Task(structure, site, memory, self._newest)
         self._last_words = LastWords()
         arguments = self._last_words.sender, _analyse, task, self._inbox, self._outbox
         self._process = context.Process(target=report_end, args=arguments, name="analysis", daemon=True)
@@ -132,7 +131,6 @@ class _Task:
     structure: str
     site: str
     memory: str
-    keep: bool
     newest: _Shared  #: time up to which signals have arrived [ns UTC]
 
 
@@ -142,7 +140,7 @@ def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[WorkerMessage | N
     from monitor.watch.memory import memory_text  # loads numpy, in this process, under the limits above
 
     pipeline = _pipeline(task)
-    live = _LiveMonitors(_live_monitors(task, pipeline))
+    live = _OptionalMonitors(_live_monitors(task, pipeline))
     for item in received(inbox):
         if isinstance(item, Event) and item.topic == Stopped.topic:
             outbox.put(None)
@@ -154,9 +152,8 @@ def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[WorkerMessage | N
             outbox.put(result)
             live.take(result)
             reported = True
-        if reported and task.keep:
-            outbox.put(SavedState(memory_text(pipeline.memory)))
         if reported:
+            outbox.put(SavedState(memory_text(pipeline.memory)))
             trim_memory()  # a window's work leaves pieces of many sizes, which would grow from window to window
     outbox.cancel_join_thread()  # the parent was killed: the remaining items will not be read
 
@@ -173,7 +170,7 @@ def _pipeline(task: _Task) -> "Pipeline":
     return Pipeline(attached_structure(task.structure), settings, known, skip)
 
 
-def _live_monitors(task: _Task, pipeline: "Pipeline") -> "dict[str, LiveMonitor]":
+def _live_monitors(task: _Task, pipeline: "Pipeline") -> "dict[str, BlockMonitor]":
     from monitor.settings import parse_attached
     from monitor.watch.live.innovations import InnovationMonitor
     from monitor.watch.live.residuals import ResidualMonitor
@@ -185,7 +182,7 @@ def _live_monitors(task: _Task, pipeline: "Pipeline") -> "dict[str, LiveMonitor]
     }
 
 
-class LiveMonitor(Protocol):
+class BlockMonitor(Protocol):
     """Part of the analysis that looks at blocks of signals."""
 
     def push(self, item: Item) -> Iterator[LiveState]:
@@ -195,10 +192,10 @@ class LiveMonitor(Protocol):
         """Take a result of the pipeline."""
 
 
-class _LiveMonitors:
-    """Live monitors by name; one that fails is left out until the next start."""
+class _OptionalMonitors:
+    """Monitors of blocks by name; one that fails is left out until the next start."""
 
-    def __init__(self, monitors: dict[str, LiveMonitor]) -> None:
+    def __init__(self, monitors: dict[str, BlockMonitor]) -> None:
         self._monitors = monitors
 
     def push(self, item: Item) -> Iterator[LiveState]:
@@ -216,6 +213,6 @@ class _LiveMonitors:
         return found or []
 
 
-def _taken(monitor: LiveMonitor, result: Result) -> list[LiveState]:
+def _taken(monitor: BlockMonitor, result: Result) -> list[LiveState]:
     monitor.take(result)
     return []
