@@ -13,14 +13,20 @@ import psutil
 import pytest
 
 from daq import Event
+from monitor.results.innovations import ModeInnovations
+from monitor.results.residuals import ChannelResiduals
 from monitor.results.service_events import Stopped
+from monitor.results.windows import ReferenceResult, WindowResult
+from monitor.rig import draw_t_frame
 from monitor.service.worker import AnalysisError, Worker, WorkerMessage
 from tests.support.monitor.recorded_runs import START, site_toml
+from tests.support.monitor.rig import rig_blocks, rig_site_text
 from updater import t_structure_toml
 
 pytestmark = pytest.mark.live
 
 STOPPED = Stopped().event(START)
+MOST_WAITING = 300  # blocks of 0.2 s of six devices: 10 s
 
 
 def worker() -> Worker:
@@ -70,6 +76,31 @@ def test_queued_items_of_a_killed_analysis_are_discarded() -> None:
         while feeders() > before and time.monotonic() < end:
             time.sleep(0.05)
         assert feeders() == before
+
+
+def test_residuals_and_innovations_come_with_the_results() -> None:
+    """They reach the service by the same queue as windows, from a process of its own; signals come as they are read."""
+    print("seed 101")
+    scenario = draw_t_frame("t_structure", 101, duration=0, between=None)
+    site = rig_site_text(scenario, window=20.0, baseline_windows=8)
+    found: list[WorkerMessage | None] = []
+    with Worker(t_structure_toml(), site) as running:
+        for block in rig_blocks(scenario, 390.0):
+            while running.waiting > MOST_WAITING:
+                found += running.results(0.1)
+            running.feed(block)
+        running.feed(STOPPED)
+        while None not in found:
+            found += results(running)
+    windows = [one for one in found if isinstance(one, WindowResult)]
+    assert len(windows) >= 18
+    assert not any(window.skipped for window in windows)
+    (reference,) = [one for one in found if isinstance(one, ReferenceResult)]
+    innovations = [one for one in found if isinstance(one, ModeInnovations)]
+    assert len(innovations) > 10
+    assert sorted(innovations[0].mode) == sorted(mode.id for mode in reference.modes)
+    assert found.index(reference) < found.index(innovations[0])
+    assert any(isinstance(one, ChannelResiduals) for one in found)
 
 
 def feeders() -> int:

@@ -90,7 +90,11 @@ def rig_blocks(scenario: Scenario, seconds: float, *, jitter: float = 1e-3) -> I
 
 def rig_settings(scenario: Scenario, *, window: float, baseline_windows: int) -> Settings:
     """Return the settings of a monitor of a rig of the shipped structure."""
+    return parse_settings(rig_site_text(scenario, window=window, baseline_windows=baseline_windows))
+
+
+def rig_site_text(scenario: Scenario, *, window: float, baseline_windows: int) -> str:
+    """Return the text of these settings."""
     ports = {device.name: f"/dev/{device.name}" for device in scenario.device}
     ready = {"clock": {"speed": 1.0, "origin_wall": 0, "origin": 0}, "ports": ports}
-    text = rig_site("t_structure.toml", t_frame(), scenario, ready, window=window, baseline_windows=baseline_windows)
-    return parse_settings(text)
+    return rig_site("t_structure.toml", t_frame(), scenario, ready, window=window, baseline_windows=baseline_windows)
