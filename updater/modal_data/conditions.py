@@ -16,7 +16,6 @@ _SAME_TONE = 0.05  # of ln f: tones farther apart are different ones
 _MIN_LEVELS = 4  # windows that a slope over amplitude needs
 _MIN_SPREAD = 0.1  # of the windows' rms over its mean, under which there is no trend to see
 _MIN_DAMPING = 1e-6
-_ON_LINE = 1e-6  # of the reach: longer way by a position than between two places, which it is on the line of
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,20 +61,11 @@ class OpeningEvidence:
     n_tests: int = 0  #: number of tests of all losses, by which the p value of a place found with them is multiplied
 
     def at(self, position: FloatArray) -> FloatArray:
-        """Return the log likelihood ratio (n,) at positions (n, 3) [m].
-
-        It is linear between two places, which are less than twice the reach apart where places were probable. Elsewhere
-        it falls linearly to zero within the reach of a place.
-        """
+        """Return the log likelihood ratio (n,) at positions (n, 3) [m], linear between places, zero beyond them."""
         distance = np.linalg.norm(position[:, None] - self.position, axis=2)
         weight = np.maximum(1 - distance / self.reach, 0.0)
-        found = np.asarray(weight @ self.log_ratio / np.maximum(weight.sum(1), 1.0))
-        apart = np.linalg.norm(self.position[:, None] - self.position, axis=2)
-        for i, j in zip(*np.nonzero(np.triu((apart > 0) & (apart < 2 * self.reach))), strict=True):
-            share = distance[:, i] / apart[i, j]
-            between = distance[:, i] + distance[:, j] < apart[i, j] + _ON_LINE * self.reach
-            found[between] = ((1 - share) * self.log_ratio[i] + share * self.log_ratio[j])[between]
-        return found
+        total = weight.sum(1)
+        return np.asarray(weight @ self.log_ratio / np.where(total > 0, total, 1.0))
 
 
 @dataclass(frozen=True, kw_only=True)
