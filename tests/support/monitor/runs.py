@@ -35,7 +35,7 @@ class QuietWorker:
 
     made: ClassVar[list["QuietWorker"]] = []
 
-    def __init__(self, *_: str, keep: bool) -> None:
+    def __init__(self, *_: str) -> None:
         self._stopped, self.died = threading.Event(), False
         self.hangs = False
         self.waiting = 0
