@@ -1,25 +1,12 @@
 """Estimates of signals that arrive block by block, against the record of an independent specimen."""
 
 import numpy as np
-import pytest
 from scipy.signal import butter, sosfilt
 
-from tests.support.updater.unmeasured_points import UnmeasuredPoints, unmeasured_points
+from tests.support.updater.unmeasured_points import UnmeasuredPoints
 from updater.validation import LiveFilter, Point, ResponseModel
 
-SEED = 5
 INNER = slice(50, -50)  # the removal of delays leaves no samples at the ends
-
-
-@pytest.fixture(scope="module")
-def frame() -> UnmeasuredPoints:
-    print(f"seed {SEED}")
-    return unmeasured_points("frame", SEED)
-
-
-@pytest.fixture(scope="module")
-def learned(frame: UnmeasuredPoints) -> ResponseModel:
-    return ResponseModel.learn(frame.reference, frame.record(25.0, SEED)[0])
 
 
 def test_blocks_one_after_another_give_the_same_as_one(frame: UnmeasuredPoints, learned: ResponseModel) -> None:

@@ -10,23 +10,10 @@ from scipy.signal.windows import tukey
 
 from daq import FloatArray
 from tests.support.snippets import code_blocks, run_cells
-from tests.support.updater.unmeasured_points import UnmeasuredPoints, unmeasured_points
+from tests.support.updater.unmeasured_points import FRAME_SEED, UnmeasuredPoints, unmeasured_points
 from updater import ModalDataError, ModelError
 from updater.modal_data import NO_DELAYS
 from updater.validation import Fibre, MotionQuantity, Point, ResponseEstimate, ResponseModel
-
-SEED = 5
-
-
-@pytest.fixture(scope="module")
-def frame() -> UnmeasuredPoints:
-    print(f"seed {SEED}")
-    return unmeasured_points("frame", SEED)
-
-
-@pytest.fixture(scope="module")
-def learned(frame: UnmeasuredPoints) -> ResponseModel:
-    return ResponseModel.learn(frame.reference, frame.record(25.0, SEED)[0])
 
 
 def in_band(truth: FloatArray, estimate: ResponseEstimate) -> FloatArray:
@@ -61,7 +48,7 @@ def test_truth_is_within_the_deviations_where_there_is_no_sensor(
     frame: UnmeasuredPoints, learned: ResponseModel
 ) -> None:
     """Accelerations at twelve points, and stresses at six."""
-    assert_within_deviations(frame, learned, SEED + 1000)
+    assert_within_deviations(frame, learned, FRAME_SEED + 1000)
 
 
 @pytest.mark.thorough
@@ -148,7 +135,7 @@ def test_deviations_do_not_depend_on_how_channels_are_divided_into_devices(
     frame: UnmeasuredPoints, learned: ResponseModel
 ) -> None:
     """A table of measurements is one device; the places of its sensors are those of the structure."""
-    recording, _ = frame.record(25.0, SEED)
+    recording, _ = frame.record(25.0, FRAME_SEED)
     table = replace(recording, channels=tuple(replace(channel, device="import") for channel in recording.channels))
     np.testing.assert_array_equal(ResponseModel.learn(frame.reference, table).shape_error, learned.shape_error)
 
