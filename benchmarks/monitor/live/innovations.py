@@ -6,11 +6,11 @@ analysis runs: windows are identified, and the reference is learned.
     python benchmarks/monitor/live/innovations.py [--changes 9] [--hours 1] [--seed 101]
 """
 
-import argparse
 import time
 
 import numpy as np
 
+from benchmarks.monitor.live.rigs import options, rigs_with_a_change
 from daq import FloatArray
 from monitor.rig import Scenario, draw_t_frame
 from monitor.watch.live.innovations import LIMIT, InnovationMonitor
@@ -43,21 +43,14 @@ def deviations(scenario: Scenario, seconds: float) -> tuple[FloatArray, FloatArr
 
 def main() -> None:
     """Print a line per rig with a change, and one of the quiet rig."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--changes", type=int, default=9)
-    parser.add_argument("--hours", type=float, default=1.0)
-    parser.add_argument("--seed", type=int, default=101)
-    a = parser.parse_args()
+    a = options()
     print("| seed | mass g | visible after s | median deviation after | largest before | blocks | cost % of a core |")
     print("|---" * 7 + "|", flush=True)
-    for seed in range(a.seed, a.seed + a.changes):
-        scenario = draw_t_frame("t_structure", seed, duration=0, between=(_CHANGE, _CHANGE))
-        body = scenario.event[0].body
-        assert body
+    for seed, scenario, mass in rigs_with_a_change(a.seed, a.changes, _CHANGE):
         at, largest, cost = deviations(scenario, _CHANGE + _AFTER)
         before, over = at < _CHANGE, at[(largest > LIMIT) & (at > _CHANGE)]
         print(
-            f"| {seed} | {1000 * body.mass:.0f} | {over[0] - _CHANGE if len(over) else np.nan:.1f} "
+            f"| {seed} | {1000 * mass:.0f} | {over[0] - _CHANGE if len(over) else np.nan:.1f} "
             f"| {np.median(largest[at > _CHANGE + 1]):.1f} | {largest[before].max():.1f} | {before.sum()} "
             f"| {100 * cost:.2f} |",
             flush=True,
