@@ -57,6 +57,16 @@ class Where(PlainValue):
     name: str = ""  #: name of the place, such as `foot of the right post`; empty if it has none
 
 
+class ExchangedSections(PlainValue):
+    """Members whose sections fit measured frequencies far better with width and height exchanged."""
+
+    members: tuple[str, ...]
+    paired: int  #: number of measured modes that have a partner in the calibrated model of the file
+    paired_exchanged: int  #: the same with the exchange
+    error_percent: float | None  #: root mean square of their frequency errors; None if too few are paired
+    error_percent_exchanged: float
+
+
 class Opening(PlainValue):
     """Member, axis and moments of a place that opens and closes; flexibilities over 1 / (E I) or 1 / (G J)."""
 

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from daq import Channel, read_attachments
+from daq.log import log_span
 from monitor.analysis.logs import log_channels, log_rate
 from monitor.settings import Settings, load_settings, parse_attached
 from oma.preparation import PASS, TOP
@@ -23,6 +24,7 @@ class ChannelCheck:
     path: Path  #: settings or log
     n_channels: int
     highest: float  #: highest frequency of identified modes [Hz]
+    seconds: float | None  #: length of the log; None for settings
     without_sensor: tuple[str, ...]  #: channels that are no sensor of the structure
     without_channel: tuple[str, ...]  #: sensors that nothing measures
 
@@ -40,12 +42,14 @@ def check_channels(structure: Structure, path: Path) -> ChannelCheck:
     SettingsError, LogError
         If the file cannot be read or has no channels.
     """
-    channels, highest = _of_settings(load_settings(path)) if path.suffix == ".toml" else _of_log(path)
+    of_site = path.suffix == ".toml"
+    channels, highest, seconds = (*_of_settings(load_settings(path)), None) if of_site else _of_log(path)
     names = tuple(channel.name for channel in channels)
     return ChannelCheck(
         path=path,
         n_channels=len(names),
         highest=highest,
+        seconds=seconds,
         without_sensor=tuple(n for n in names if n not in structure.channels),
         without_channel=tuple(n for n in structure.channels if n not in names),
     )
@@ -56,12 +60,14 @@ def _of_settings(settings: Settings) -> tuple[tuple[Channel, ...], float]:
     return settings.channels, min(TOP * rate, band[1]) if band else PASS * rate  # a device may have a filter
 
 
-def _of_log(path: Path) -> tuple[tuple[Channel, ...], float]:
-    """Return the same of a log; one that was imported without a site has one rate."""
+def _of_log(path: Path) -> tuple[tuple[Channel, ...], float, float | None]:
+    """Return the same of a log, and its length if it has samples; one that was imported without a site has one rate."""
     channels, attached = log_channels(path), read_attachments(path)
+    start, stop = log_span(path) or (0, 0)
+    seconds = 1e-9 * (stop - start) or None
     if "site.toml" not in attached:
-        return channels, PASS * log_rate(path)
-    return channels, _of_settings(parse_attached(attached["site.toml"], f"{path}: site.toml"))[1]
+        return channels, PASS * log_rate(path), seconds
+    return channels, _of_settings(parse_attached(attached["site.toml"], f"{path}: site.toml"))[1], seconds
 
 
 def measured_only(structure: Structure, check: ChannelCheck) -> Structure:

@@ -12,7 +12,7 @@ from monitor.analysis.states.stationarity import of_one_state
 from monitor.errors import State, StateError
 from monitor.optional import run_optional
 from monitor.results.comparison import DiagnosisAnswer
-from monitor.text.diagnosis import diagnosis_answer
+from monitor.text.diagnosis import diagnosis_answer, exchanged_text
 from updater import (
     Cause,
     Circumstances,
@@ -28,12 +28,14 @@ from updater import (
     sensor_health,
 )
 from updater.diagnosis import OnCause, ReferenceStep, allowed_causes, say_nothing
-from updater.modal_data import Effort, KnownMass, Signals
-from updater.quantities import Where
+from updater.modal_data import Effort, KnownMass, Signals, mean_modes
+from updater.quantities import ExchangedSections, Where
+from updater.reference import exchanged_sections
 from updater.structure import ON_MEMBER, Updating
 from updater.validation import SensorHealth, breathing, with_acting, with_cracks
 
 _FILE_MAY_BE_OFF = "model_parameters"
+_POOR_PERCENT = 1.0  # rms of frequencies after calibration: five times the error of a good beam model
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -114,7 +116,7 @@ def explain(
         If fewer than three modes can be compared, or modes are invalid; names the state.
     """
     steps: tuple[ReferenceStep, ...] = ()
-    with _blamed_on("reference" if before else "current"):
+    with _blamed_on("reference" if before else "current", structure, before or now):
         if before:
             before, steps = of_one_state(before)
             reference = reference_of(structure, before)
@@ -151,14 +153,28 @@ def explain(
         )
     if signals:
         explained = with_breathing(explained, reference, event.modes, signals)
+    answer = diagnosis_answer(explained, steps)
     return Explanation(
         explained=explained,
         sought=reference,
         measured=event.measured,
         event=event.modes,
         circumstances=event.circumstances,
-        diagnosis=diagnosis_answer(explained, steps),
+        diagnosis=answer.model_copy(update={"exchanged_sections": _exchanged(structure, before, now, answer)}),
     )
+
+
+def _exchanged(
+    structure: Structure, before: Observation | None, now: Observation, answer: DiagnosisAnswer
+) -> ExchangedSections | None:
+    """Return sections with exchanged dimensions, tested without a reference, or if something does not fit."""
+    fit = answer.calibration
+    error = fit.frequency_error_percent.after if fit else None
+    fits = fit and error is not None and error < _POOR_PERCENT and fit.modes_paired.after == fit.modes_measured
+    if before and fits and answer.verdict != "unexplained":
+        return None
+    modes = mean_modes((before or now).modes)
+    return run_optional("the test of the sections' orientation", partial(exchanged_sections, structure, modes))
 
 
 def with_breathing(found: DiagnosisResult, reference: Reference, event: ModalMean, signals: Signals) -> DiagnosisResult:
@@ -205,11 +221,15 @@ def reference_of(structure: Structure, before: Observation) -> Reference:
 
 
 @contextmanager
-def _blamed_on(state: State) -> Iterator[None]:
+def _blamed_on(state: State, structure: Structure | None = None, seen: Observation | None = None) -> Iterator[None]:
+    """Raise StateError for modes that cannot be compared; of a structure and its modes, with the likely cause."""
     try:
         yield
     except (ModalDataError, PairingError) as error:
-        raise StateError(state, str(error)) from error
+        exchanged = None
+        if structure and seen and isinstance(error, PairingError):
+            exchanged = exchanged_sections(structure, mean_modes(seen.modes))
+        raise StateError(state, f"{error}. {exchanged_text(exchanged)}" if exchanged else str(error)) from error
 
 
 def _event(reference: Reference, observation: Observation, before: Observation | None) -> Event:

@@ -4,7 +4,7 @@ from typing import Literal
 
 from updater import Cause, Diagnosis, Gain
 from updater.diagnosis import ReferenceStep, Separation, Verdict
-from updater.quantities import PlainValue, Vector
+from updater.quantities import ExchangedSections, PlainValue, Vector
 
 
 class RejectedCause(PlainValue):
@@ -66,6 +66,8 @@ class DiagnosisAnswer(Diagnosis):
     extended_model: str | None = None  #: path of the structure.toml with the causes written in
     reference_steps: tuple[ReferenceStep, ...] = ()  #: changes of the structure within the reference logs
     within_record: WithinRecord | None = None  #: change of the structure within the logs that are diagnosed
+    #: sections that fit far better with width and height exchanged; None if the file is right, or was not tested
+    exchanged_sections: ExchangedSections | None = None
 
 
 class ModeComparison(PlainValue):

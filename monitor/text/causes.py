@@ -36,7 +36,8 @@ _BOUND = 1.645  # standard deviations of a one-sided bound of 95 %
 _BY_MODES = "decided by the signals: by the modes alone, another cause or no change is more probable"
 _CONSTANT = 0.3  # upper bound of the share of a flexibility that closes, below which it is stated not to
 _LOSSES = ("loss_about_local_y", "loss_about_local_z", "loss_in_twist")  # which "loss", the most of them, only repeats
-_SHARES = frozenset({"loss", *_LOSSES, "error", "damping"})  # parameters without a unit that are given in per cent
+_LOSS_NAMES = frozenset({"loss", *_LOSSES})
+_SHARES = _LOSS_NAMES | {"error", "damping"}  # parameters without a unit that are given in per cent
 _COARSE, _METRES = 5e-4, 1.0  # m of a place's deviation: limit of whole mm, limit of m
 _WARMER = "warmer"  # parameter of a change of temperature [K]
 _OFFSET = "offset_"  # parameters of a body that are shown if significant
@@ -65,9 +66,10 @@ def quantity_text(quantity: Quantity) -> str:
 def parameter_text(name: str, quantity: Quantity) -> str:
     """Return a cause's parameter in the unit that is spoken: lengths in mm, delays in ms, angles in degrees.
 
-    A gain and a factor are numbers; a share is a loss or an error. The name of a temperature change has its sign.
+    A gain and a factor are numbers; a share is a loss or an error. The name of a temperature change, and of a loss, has
+    its sign.
     """
-    if name == _WARMER and quantity.value < 0:
+    if (name == _WARMER or name in _LOSS_NAMES) and quantity.value < 0:
         quantity = quantity.model_copy(update={"value": -quantity.value})
     scale, unit = _SPOKEN.get(quantity.unit, (1.0, ""))
     if quantity.unit.startswith("N"):
@@ -126,9 +128,11 @@ def parameter_texts(cause: FittedCause) -> list[tuple[str, str]]:
 
 
 def parameter_name(name: str, quantity: Quantity) -> str:
-    """Return the name of a parameter; of a temperature that fell, `colder by`."""
+    """Return the name of a parameter; of a temperature that fell, `colder by`; of a negative loss, `increase`."""
     if name == _WARMER:
         return f"{'colder' if quantity.value < 0 else 'warmer'} by"
+    if name in _LOSS_NAMES and quantity.value < 0:
+        return plain(name).replace("loss", "increase", 1)
     return plain(name)
 
 

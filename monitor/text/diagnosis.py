@@ -9,7 +9,7 @@ from daq.notebook import number_text
 from monitor.results.comparison import ChangeRate, DiagnosisAnswer, FollowUp, WithinRecord
 from monitor.text.cause_list import listed_causes
 from monitor.text.causes import cause_text, change_texts
-from monitor.text.quantities import MIN_P, mass_words, plain, share_text, two_digits, utc
+from monitor.text.quantities import MIN_P, counted, mass_words, plain, share_text, two_digits, utc
 from updater import Body, Cause, DiagnosisResult
 from updater.diagnosis import (
     CalibrationSummary,
@@ -22,7 +22,7 @@ from updater.diagnosis import (
     Separation,
     SmallestChange,
 )
-from updater.quantities import SIGNIFICANT
+from updater.quantities import SIGNIFICANT, ExchangedSections
 
 _REASONS = {
     "uniform_shift": "not distinguishable from a uniform frequency shift",
@@ -70,6 +70,24 @@ def modulus_texts(summary: CalibrationSummary | None) -> list[str]:
     ]
 
 
+def exchanged_text(found: ExchangedSections) -> str:
+    """Return which sections fit with width and height exchanged, and how well both describe the frequencies."""
+    *first, last = found.members
+    members = f"{', '.join(first)} and {last}" if first else last
+    after = f"{found.error_percent_exchanged:.2g} % rms, {counted(found.paired_exchanged, 'mode')}"
+    before = f"{found.error_percent:.2g} %, {counted(found.paired, 'mode')}" if found.error_percent else "too few modes"
+    return (
+        f"The frequencies fit with width and height of the section of {members} exchanged ({after}; as in the file: "
+        f"{before}). Check the orientation of the section: width is along the local y axis of a member."
+    )
+
+
+def note_texts(diagnosis: DiagnosisAnswer) -> list[str]:
+    """Return what may be wrong in the structure file."""
+    exchanged = diagnosis.exchanged_sections
+    return [*([exchanged_text(exchanged)] if exchanged else []), *modulus_texts(diagnosis.calibration)]
+
+
 def mass_test_text(found: MassTestFit) -> str:
     """Return whether the shifts by a known mass are those that the causes predict."""
     x, y, z = found.position
@@ -95,7 +113,7 @@ def rejection_text(rejected: Rejected) -> str:
         p = f"p = {rejected.p_value:.0e}" if rejected.p_value > MIN_P else f"p < {MIN_P:.0e}"
         return f"rejected: poor fit ({p})"
     if rejected.reason == "less_probable":
-        return f"fits, {_ratio_text(-rejected.log_evidence)} times less probable"
+        return f"fits the data, but is {_ratio_text(-rejected.log_evidence)} times less probable"
     return _REASONS[rejected.reason]
 
 

@@ -62,7 +62,7 @@ class SelfTests:
             return
         self._recent.append(window)
         days = self._settings.alarm.self_test_days
-        if self.state.failed:  # the windows of one bad day should not leave the site unwell until the next is due
+        if self.state.failed:  # one bad day should not mark the site as faulty until the next is due
             days = min(days, _DAYS_AFTER_FAILURE)
         since = learned.learnt if self.state.last is None else self.state.last
         due = days > 0 and abs(window.end - since) >= days * _DAY  # a clock that is set back by years ends no tests

@@ -17,13 +17,13 @@ from monitor.text.causes import (
     parameter_text,
     where_text,
 )
-from monitor.text.diagnosis import smallest_changes_text, written_bodies_texts
+from monitor.text.diagnosis import rejection_text, smallest_changes_text, written_bodies_texts
 from monitor.text.verdicts import is_one_mass, verdict_text
 from monitor.views.viewer.cards import window_card
 from tests.support.monitor import answers
 from tests.support.monitor import results as made
 from updater import Body, Cause, Diagnosis, Gain
-from updater.diagnosis import Pair, SmallestChange
+from updater.diagnosis import Pair, Rejected, SmallestChange
 from updater.quantities import ParameterChange, Quantity, Where
 
 
@@ -60,6 +60,24 @@ def test_text_of_a_parameter_before_and_after(
         name="a", quantity="b", of="c", position=None, unit=unit, before=before, after=after, std=std
     )
     assert change_texts(change) == texts
+
+
+def test_negative_loss_is_an_increase() -> None:
+    loss = Quantity(value=-0.5, std=0.05, unit="-")
+    cause = Cause(
+        cause="local_stiffness",
+        probability=0.9,
+        where=Where(member="beam"),
+        parameters={"loss": loss, "loss_about_local_y": loss, "loss_in_twist": Quantity(value=0.2, std=0.1, unit="-")},
+    )
+    text = "local stiffness on the beam: increase about local y 50 ± 5 %, loss in twist 20 ± 10 %"
+    assert cause_text(cause) == text
+
+
+@pytest.mark.parametrize(("log_evidence", "ratio"), [(-2.0, "7.4"), (-20.0, "1e9"), (-100.0, "more than 1e12")])
+def test_cause_that_fits_is_less_probable_by_a_factor(log_evidence: float, ratio: str) -> None:
+    other = Rejected(cause="temperature", log_evidence=log_evidence, reason="less_probable", p_value=0.3)
+    assert rejection_text(other) == f"fits the data, but is {ratio} times less probable"
 
 
 def test_very_small_p_value_is_shown_as_an_upper_bound() -> None:

@@ -26,7 +26,7 @@ KINDS = (
     ("alarm", 0.02, "alarm", 5000, 20, "[]"),
     ("acknowledged", 0.01, "alarm", 50_000, 20, "[]"),
     ("stale", 0.02, "normal", 90_000, 4000, "[]"),
-    ("unwell", 0.03, "normal", 90_000, 20, '["device left is lost"]'),
+    ("faulty", 0.03, "normal", 90_000, 20, '["device left is lost"]'),
     ("watch", 0.01, "watch", 600, 20, "[]"),
     ("learning", 0.02, "learning", 3000, 20, "[]"),
     ("normal", 1.0, "normal", 90_000, 20, "[]"),

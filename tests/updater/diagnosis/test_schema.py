@@ -38,6 +38,7 @@ ADDED = {
     "mass_tests",
     "separation",
     "follows",
+    "exchanged_sections",
 }  # since the contract was agreed
 WHOLE = {"verdict", "causes", "rejected", "modes", "gain", "extended_model", "next_measurement"} | ADDED
 PAIR = {"before", "after"}

@@ -271,7 +271,7 @@ def diagnose_logs(
         compared = run_optional(
             "the comparison of measured with simulated modes", lambda: _compared(found, after, heldout)
         )
-    say_evidence(console, diagnosis, compared, found.reference.structure)
+    say_evidence(console, diagnosis, compared, found.reference.structure, _windows_text(logs, before, after))
     if diagnosis.extended_model:
         _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
         for line in _written_otherwise(found.explained, structure):
@@ -299,6 +299,18 @@ def diagnose_logs(
         paths = [*(written(out, diagnosis) if out else ()), *([pdf] if pdf and pdf.exists() else ())]
         echo("written: " + ", ".join(map(str, paths)))
     return DONE if diagnosis.verdict in {"explained", "nothing_to_explain"} else NEEDS_A_PERSON
+
+
+def _windows_text(logs: Logs, before: Observation | None, after: Observation) -> str:
+    """Return the lengths of the windows that frequencies are means over; empty for tables of modes."""
+    if any(map(is_table, (*logs.current, *logs.reference))):
+        return ""
+    ends = (one.estimates[0] for one in (before, after) if one)
+    lengths = dict.fromkeys(f"{1e-9 * (first.end - first.start):.3g} s" for first in ends)
+    return (
+        f"frequencies are means over windows of {' (before) and '.join(lengths)}; `identify` without --window takes "
+        "each log as one window: its values differ by up to about a standard deviation"
+    )
 
 
 def _facts(found: Explanation, structure_path: Path, logs: Logs) -> list[tuple[str, str]]:

@@ -30,7 +30,7 @@ from monitor.text.causes import (
 from monitor.text.diagnosis import (
     follow_text,
     mass_test_text,
-    modulus_texts,
+    note_texts,
     plan_rows,
     record_change_texts,
     smallest_changes_text,
@@ -61,7 +61,7 @@ def say_answer(console: Console, diagnosis: DiagnosisAnswer) -> None:
             console.print(line)
     if diagnosis.next_measurement and diagnosis.verdict != "nothing_to_explain":
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
-    for text in modulus_texts(diagnosis.calibration):
+    for text in note_texts(diagnosis):
         console.print(f"[yellow]note:[/] {escape(text)}")
     if diagnosis.follows:
         console.print(follow_text(diagnosis.follows))
@@ -75,7 +75,11 @@ def say_answer(console: Console, diagnosis: DiagnosisAnswer) -> None:
 
 
 def say_evidence(
-    console: Console, diagnosis: DiagnosisAnswer, found: DiscrepancyResult | None, structure: Structure
+    console: Console,
+    diagnosis: DiagnosisAnswer,
+    found: DiscrepancyResult | None,
+    structure: Structure,
+    windows: str = "",
 ) -> None:
     """Print the basis of a diagnosis: residual forces, modes, sensors, gain and refused causes.
 
@@ -83,11 +87,12 @@ def say_evidence(
     ----------
     found : comparison of measured with simulated modes; None: not known
     structure : that was diagnosed
+    windows : text on the windows that frequencies are means of
     """
     if diagnosis.calibration is not None:
         console.print(calibration_text(diagnosis.calibration), markup=False)
     if found is not None:
-        _compared(console, diagnosis, found, structure)
+        _compared(console, diagnosis, found, structure, windows)
     for test in diagnosis.mass_tests:
         console.print(escape(mass_test_text(test)))
     for line in _gain(diagnosis, found.gain_std if found else None):
@@ -95,7 +100,9 @@ def say_evidence(
     _refused(console, diagnosis)
 
 
-def _compared(console: Console, diagnosis: DiagnosisAnswer, found: DiscrepancyResult, structure: Structure) -> None:
+def _compared(
+    console: Console, diagnosis: DiagnosisAnswer, found: DiscrepancyResult, structure: Structure, windows: str
+) -> None:
     """Print measured modes and sensors compared with simulated ones."""
     known = diagnosis.verdict != "unexplained"
     if not known and found.balance:
@@ -103,6 +110,8 @@ def _compared(console: Console, diagnosis: DiagnosisAnswer, found: DiscrepancyRe
         if where := left_over_text(found.balance, nodes, partial(place_name, structure)):
             console.print(escape(where))
     console.print(_modes(found))
+    if windows:
+        console.print(windows, style="dim", markup=False)
     if not all(mode.compared for mode in found.listed):
         console.print(f"{MARK} {NOT_COMPARED}", style="dim", markup=False)
     if absent := unmeasured_text(found):

@@ -15,6 +15,7 @@ from monitor.analysis.logs import log_channels, log_recordings
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.terminal import echo, progress
 from monitor.errors import ArgumentError, drawing
+from monitor.optional import run_optional
 from monitor.service.processes import keep_freed_memory, trim_memory
 from oma import (
     AmplitudeDependence,
@@ -27,6 +28,7 @@ from oma import (
     identify_all,
     mpc,
 )
+from oma.preparation import ALIAS_FREE
 from oma.windows import Windows, identify_windows
 from updater import StructureError, UpdaterError
 from updater.modal_data import LOW_MPC, Asynchrony, FusedModes, asynchrony, fuse, merge_setups
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from monitor.results.sensor_geometry import SensorGeometry
     from monitor.settings import Settings
     from updater import Structure
+    from updater.quantities import ExchangedSections
     from updater.validation import ModelModes
 
 FOLDER_FILES = (
@@ -284,6 +287,25 @@ def paired_modes(
         return model_modes(estimate, structure)
     except UpdaterError as error:
         raise StructureError(source or "structure", str(error)) from error
+
+
+def exchanged_in(model: "ModelModes | None", estimate: ModalEstimate, rate: float) -> "ExchangedSections | None":
+    """Return sections of a structure file with exchanged dimensions, by measured modes; None without a structure.
+
+    Parameters
+    ----------
+    model : of the structure file
+    estimate : measured modes; those that may be aliases are not used
+    rate : of the logs [Hz]
+    """
+    if model is None:
+        return None
+    from updater import stack_tracks  # slow to import
+    from updater.modal_data import mean_modes
+    from updater.reference import exchanged_sections
+
+    modes = mean_modes(stack_tracks([estimate], [np.flatnonzero(estimate.frequency <= ALIAS_FREE * rate)]))
+    return run_optional("the test of the sections' orientation", lambda: exchanged_sections(model.structure, modes))
 
 
 def sensor_positions(estimate: ModalEstimate, given: Attached, site: Path | None) -> "SensorGeometry | None":

@@ -21,6 +21,7 @@ from updater.modal_data import LOW_MPC, Asynchrony, FusedModes
 
 if TYPE_CHECKING:
     from oma import AmplitudeDependence
+    from updater.quantities import ExchangedSections
     from updater.validation import ModelPartner
 
 _SAME_SHAPE = 0.9  # MAC above which a mode is the model's, whatever its frequency [-]
@@ -40,6 +41,7 @@ class Findings:
     change: FrequencyChange | None  #: change of the structure within the records, if the frequencies show any
     #: (n_modes,) dependence of each mode on its amplitude, None if it cannot be tested; None if it was not requested
     amplitude: "Sequence[AmplitudeDependence | None] | None" = None
+    exchanged: "ExchangedSections | None" = None  #: sections that fit far better with exchanged dimensions
 
     @property
     def may_be_tone(self) -> npt.NDArray[np.bool_]:
@@ -163,6 +165,10 @@ def _marks(found: Findings) -> Iterator[str]:
     if any(p and p.mac < LOW_MAC for p in found.partners):
         yield f"! MAC below {LOW_MAC:g}: not the shape of the model's mode"
     yield from _without_partner(found)
+    if found.exchanged:
+        from monitor.text.diagnosis import exchanged_text  # slow to import
+
+        yield escape(exchanged_text(found.exchanged))
     if found.asynchrony:
         from monitor.text.sensors import asynchrony_text  # slow to import
 

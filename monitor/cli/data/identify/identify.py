@@ -140,6 +140,7 @@ def identify(
             asynchrony=None if setups else work.channel_delays(recordings, windows, fused.estimate),
             change=None if setups else frequency_change(windows, lambda: recordings, chosen, band),
             amplitude=work.amplitude_dependences(recordings, windows, fused.estimate) if amplitude else None,
+            exchanged=work.exchanged_in(model, fused.estimate, windows.rate),
         )
     geometry = work.sensor_positions(fused.estimate, given, site)
     say_modes(found, shown, setups=setups)

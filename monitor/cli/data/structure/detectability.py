@@ -24,6 +24,7 @@ from updater.planning import ALIKE, ModeVisibility, Plan, Target, plan
 from updater.reference import ParameterSensitivity, parameter_sensitivities
 
 _USUAL_RATE = 1000.0  # Hz
+_USUAL_SECONDS = 600.0
 USUAL_BAND = (
     f"modes are counted up to {PASS * _USUAL_RATE:g} Hz, as recorded at {_USUAL_RATE:g} Hz; "
     "for another recorder give --highest, or --channels SITE.toml or a log of it"
@@ -31,14 +32,17 @@ USUAL_BAND = (
 _UNITS = {"kg": ("mass", 1.0), "g": ("mass", 1e-3), "m": ("length", 1.0), "mm": ("length", 1e-3)}
 
 
-def planned_record(seconds: float, damping: float, given: float | None, check: ChannelCheck | None) -> Record:
+def planned_record(length: float | None, damping: float, given: float | None, check: ChannelCheck | None) -> Record:
     """Return the record that is planned, with modes up to a given frequency [Hz], or the highest of a recorder.
+
+    Its length [s] is as given, or that of the log whose channels are compared.
 
     Raises
     ------
     ArgumentError
         Naming the option that makes no sense.
     """
+    seconds = length if length is not None else (check and check.seconds) or _USUAL_SECONDS
     highest = given if given is not None else check.highest if check else PASS * _USUAL_RATE
     for name, value in (("--record-seconds", seconds), ("--damping", damping), ("--highest", highest)):
         if not value > 0:

@@ -26,8 +26,12 @@ def structure(
         Option(metavar="SITE.toml|LOG", help="Log or SITE.toml whose channels are compared with the sensors."),
     ] = None,
     record_seconds: Annotated[
-        float, Option(metavar="S", help="Length of the records before and after a change [s].")
-    ] = 600.0,
+        float | None,
+        Option(
+            metavar="S",
+            help="Length of the records before and after a change [s]. Default: of the log of --channels, else 600.",
+        ),
+    ] = None,
     damping: Annotated[float, Option(metavar="RATIO", help="Damping ratio of the modes.")] = 0.005,
     highest: Annotated[
         float | None,

@@ -11,7 +11,7 @@ from monitor.text.quantities import duration_text
 CONDITIONS = {
     "changed": "alarm, not acknowledged",
     "stale": "no state from the monitor, or no window when one was due",
-    "unwell": "a part of the monitor has a problem",
+    "faulty": "a part of the monitor has a problem",
     "acknowledged": "alarm, acknowledged",
     "watch": "one window over the limit",
     "learning": "the baseline is being learned",
@@ -27,7 +27,7 @@ class SiteView:
 
     row: FleetRow
     conditions: tuple[str, ...]  #: the most urgent first
-    reasons: tuple[str, ...]  #: for being stale or unwell
+    reasons: tuple[str, ...]  #: for being stale or faulty
 
     @property
     def window_age(self) -> float | None:
@@ -60,7 +60,7 @@ class Overview:
 def view_of(row: FleetRow) -> SiteView:
     """Return a site with its conditions."""
     stale, problems = list(_stale(row)), row.state.problems if row.state else ()
-    conditions = [name for name, found in (("stale", stale), ("unwell", problems)) if found]
+    conditions = [name for name, found in (("stale", stale), ("faulty", problems)) if found]
     of_alarm = _of_alarm(row)
     if of_alarm not in ("", "normal") or not conditions:
         conditions.append(of_alarm or "normal")

@@ -233,6 +233,18 @@ def test_sensors_are_compared_with_channels(modalwatch: Commands, tmp_path: Path
     assert_refused(modalwatch("structure", bar, "--channels", tmp_path / "none.toml"), "none.toml: cannot be read")
 
 
+def test_record_is_as_long_as_the_log_of_the_channels(modalwatch: Commands, tmp_path: Path) -> None:
+    bar, table, log = tmp_path / "bar.toml", tmp_path / "log.csv", tmp_path / "log.mcap"
+    bar.write_text(cantilever((0.5, "y"), (1.0, "y")))
+    rows = "".join(f"{i / 1000:.3f},{i % 7},{i % 5}\n" for i in range(30_000))
+    table.write_text("t,s0,s1\n" + rows)
+    assert modalwatch("import", table, "-o", log).code == 0
+    for options, title in (((), "10 min before and after"), (("--channels", log), "30 s before and after")):
+        assert title in modalwatch("structure", bar, "--modes", 3, *options).out
+    done = modalwatch("structure", bar, "--channels", log, "--record-seconds", 1200)
+    assert "20 min before and after" in done.out
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [

@@ -113,7 +113,7 @@ def test_page_lists_the_sites_that_need_a_person_first(served: Served) -> None:
     assert answer.status_code == 200
     for kind, share, *_ in KINDS[:-1]:
         label = "changed" if kind == "alarm" else kind
-        extra = {"changed": 1, "stale": 1, "unwell": 1}.get(label, 0)  # an alarm without a state; hostile
+        extra = {"changed": 1, "stale": 1, "faulty": 1}.get(label, 0)  # an alarm without a state; hostile
         assert f">{label} <b>{round(share * SITES) + extra}</b></a>" in answer.text
     assert answer.text.count("<article") == PAGE_SITES
     first, *_ = served.get("/?q=structure").text.partition("<article")[2].partition("</article>")

@@ -103,7 +103,7 @@ def test_page_of_a_thousand_sites_from_retained_messages(address: str, tmp_path:
             until(lambda: f"of {SITES} sites" in page())
             text = page()
             assert text.count("<article") == PAGE_SITES
-            for kind, number in (("changed", 10), ("stale", 11), ("unwell", 10), ("normal", 969)):
+            for kind, number in (("changed", 10), ("stale", 11), ("faulty", 10), ("normal", 969)):
                 assert f">{kind} <b>{number}</b></a>" in text, kind
             first = text.partition("<article")[2].partition("</article>")[0]
             for part in ("changed", "&lt;b&gt;mass added", "2.5 times the limit", "<polyline", "last window"):
@@ -144,7 +144,7 @@ def test_monitor_reports_and_becomes_stale_as_it_ends_and_a_lost_broker_is_follo
         with broker(tmp_path, port):
             until(lambda: not _problem(fleet))
             home.show(status, reporter.report("bridge", replace(STATE, problems=("disk: full",))))
-            until(lambda: conditions() == ("unwell",))
+            until(lambda: conditions() == ("faulty",))
             home.__exit__()
             until(lambda: "stale" in conditions())
         fleet.__exit__()
