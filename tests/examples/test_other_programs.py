@@ -3,6 +3,7 @@
 import json
 import os
 import runpy
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +15,7 @@ from benchmarks.common.peers import ENVIRONMENT
 from daq import export_recording, read_data
 from oma import ModalEstimate, identify, mac
 from tests.support.monitor.cli import Commands
-from tests.support.snippets import code_blocks, named_files
+from tests.support.snippets import code_blocks, shell_lines
 
 ROOT = Path(__file__).parents[2]
 PAGES = ROOT / "docs" / "howto" / "from"
@@ -31,7 +32,9 @@ def portal(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["portal_tables.py", str(folder)])
         runpy.run_path(str(ROOT / "examples" / "portal_tables.py"))
-    (folder / "structure.toml").write_text(named_files(ROOT / "docs/get_started/data.md")["structure.toml"])
+    (line,) = (line for line in shell_lines(ROOT / "docs/get_started/data.md") if "new structure" in line)
+    program = [sys.executable, "-c", "from monitor.cli.main import main; main()"]
+    subprocess.run([*program, *shlex.split(line)[1:]], cwd=folder, check=True)
     return folder
 
 

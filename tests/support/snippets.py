@@ -23,8 +23,9 @@ def code_blocks(page: Path) -> list[str]:
 
 
 def shell_lines(page: Path) -> list[str]:
-    """Return the lines of the blocks of shell commands in a page."""
-    return [line for block in _fenced(page, "sh") for line in block.splitlines() if line.strip()]
+    """Return the commands of the blocks of shell commands in a page, each in one line."""
+    blocks = (block.replace("\\\n", "") for block in _fenced(page, "sh"))
+    return [line for block in blocks for line in block.splitlines() if line.strip()]
 
 
 def named_files(page: Path) -> dict[str, str]:

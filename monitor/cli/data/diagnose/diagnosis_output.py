@@ -110,12 +110,11 @@ def _compared(
         if where := left_over_text(found.balance, nodes, partial(place_name, structure)):
             console.print(escape(where))
     console.print(_modes(found))
-    if windows:
-        console.print(windows, style="dim", markup=False)
     if not all(mode.compared for mode in found.listed):
         console.print(f"{MARK} {NOT_COMPARED}", style="dim", markup=False)
-    if absent := unmeasured_text(found):
-        console.print(absent, style="dim", markup=False)
+    for line in (unmeasured_text(found), windows):
+        if line:
+            console.print(line, style="dim", markup=False)
     health = health_text({s.channel: s.health for s in found.sensors if s.health}, explained=known)
     for line in (worst_sensor_text(found.sensors), health, missed_text(found.sensors)):
         if line:
