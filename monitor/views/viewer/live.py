@@ -20,6 +20,7 @@ from monitor.views.geometry import Geometry
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.increments import draw_increments
 from monitor.views.viewer.layout.blueprint import Live, layout
+from monitor.views.viewer.layout.view_specs import BlockPlot
 from monitor.views.viewer.modes.mac_matrix import draw_auto_mac
 from monitor.views.viewer.modes.shapes import draw_shapes, draw_window_shapes
 from monitor.views.viewer.modes.trends import draw_legend, draw_trends
@@ -162,13 +163,15 @@ class LiveResults:
         """Draw the residuals of a block."""
         draw_residuals(self._recording, residuals)
         if not self._live.residuals:
-            self._show(replace(self._live, residuals=_RESIDUAL_BLOCKS * residuals.seconds))
+            plot = BlockPlot(seconds=_RESIDUAL_BLOCKS * residuals.seconds, limit=residuals.limit)
+            self._show(replace(self._live, residuals=plot))
 
     def add_innovations(self, innovations: ModeInnovations) -> None:
         """Draw the innovations about the modes, of a block."""
         draw_innovations(self._recording, innovations)
         if not self._live.innovations:
-            self._show(replace(self._live, innovations=_RESIDUAL_BLOCKS * innovations.seconds))
+            plot = BlockPlot(seconds=_RESIDUAL_BLOCKS * innovations.seconds, limit=innovations.limit)
+            self._show(replace(self._live, innovations=plot))
 
     def _show(self, live: Live) -> None:
         self._live = live

@@ -52,4 +52,5 @@ def calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:
     changes = calibration.changes()
     moved = "; ".join(parameter_change_text(change) for change in changes if change.listed)
     others = further_changes_text([change for change in changes if not change.listed])
-    return [("Fitted to the reference", text) for text in (moved, others) if text]
+    names = ("Fitted to the reference", "Also fitted" if moved else "Fitted to the reference")
+    return [(name, text) for name, text in zip(names, (moved, others), strict=True) if text]

@@ -271,7 +271,8 @@ def diagnose_logs(
         compared = run_optional(
             "the comparison of measured with simulated modes", lambda: _compared(found, after, heldout)
         )
-    say_evidence(console, diagnosis, compared, found.reference.structure, _windows_text(logs, before, after))
+    windows = _windows_text(logs, before, after)
+    say_evidence(console, diagnosis, compared, found.reference.structure, windows)
     if diagnosis.extended_model:
         _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
         for line in _written_otherwise(found.explained, structure):
@@ -294,7 +295,7 @@ def diagnose_logs(
     if out or pdf:
         with progress("drawing"):
             states = run_optional("the comparison of both states", lambda: _states(found, before, after))
-            facts = run_optional("the list of the logs", lambda: _facts(found, structure_path, logs)) or []
+            facts = run_optional("the list of the logs", lambda: _facts(found, structure_path, logs, windows)) or []
             draw(out, diagnosis, compared, found.reference.structure, states, pdf, facts)
         paths = [*(written(out, diagnosis) if out else ()), *([pdf] if pdf and pdf.exists() else ())]
         echo("written: " + ", ".join(map(str, paths)))
@@ -308,12 +309,12 @@ def _windows_text(logs: Logs, before: Observation | None, after: Observation) ->
     ends = (one.estimates[0] for one in (before, after) if one)
     lengths = dict.fromkeys(f"{1e-9 * (first.end - first.start):.3g} s" for first in ends)
     return (
-        f"frequencies are means over windows of {' (before) and '.join(lengths)}; `identify` without --window takes "
+        f"means over windows of {' (before) and '.join(lengths)}; `identify` without --window takes "
         "each log as one window: its values differ by up to about a standard deviation"
     )
 
 
-def _facts(found: Explanation, structure_path: Path, logs: Logs) -> list[tuple[str, str]]:
+def _facts(found: Explanation, structure_path: Path, logs: Logs, windows: str) -> list[tuple[str, str]]:
     """Return names and values for the head of the report: what was diagnosed."""
     return [
         ("Structure", structure_path.name),
@@ -321,6 +322,7 @@ def _facts(found: Explanation, structure_path: Path, logs: Logs) -> list[tuple[s
         *log_facts("Reference", logs.reference, logs.reference_within),
         *log_facts("Held-out", logs.heldout, logs.heldout_within),
         *(fact for one in logs.mass for fact in log_facts(f"With {one.mass:g} kg", [one.path])),
+        *([("Frequencies", windows)] if windows else []),
         *calibration_facts(found.explained.calibration or found.reference.calibration),
     ]
 

@@ -112,7 +112,7 @@ def _compared(
     console.print(_modes(found))
     if not all(mode.compared for mode in found.listed):
         console.print(f"{MARK} {NOT_COMPARED}", style="dim", markup=False)
-    for line in (unmeasured_text(found), windows):
+    for line in (unmeasured_text(found), windows and f"frequencies are {windows}"):
         if line:
             console.print(line, style="dim", markup=False)
     health = health_text({s.channel: s.health for s in found.sensors if s.health}, explained=known)

@@ -26,8 +26,8 @@ class Live:
 
     seconds: float  #: time shown by the trends [s]
     channels: tuple[str, ...]  #: channels whose signals are streamed
-    residuals: float = 0.0  #: time shown by the residuals of channels; 0 before there are any [s]
-    innovations: float = 0.0  #: time shown by the innovations of modes; 0 before there are any [s]
+    residuals: views.BlockPlot | None = None  #: of the residuals of channels; None before there are any
+    innovations: views.BlockPlot | None = None  #: of the innovations of modes; None before there are any
 
 
 def layout(run_results: RunResults, live: Live | None = None) -> rrb.Blueprint:

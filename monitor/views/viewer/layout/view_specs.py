@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
@@ -211,16 +212,24 @@ class TrendViews:
         )
 
 
-def residuals(seconds: float) -> rrb.TimeSeriesView:
+@dataclass(frozen=True, kw_only=True)
+class BlockPlot:
+    """Plot of figures that come block by block."""
+
+    seconds: float  #: time shown [s]
+    limit: float  #: value from which a figure is significant
+
+
+def residuals(plot: BlockPlot) -> rrb.TimeSeriesView:
     """Return the plot of the last residuals of channels against their prediction from the others."""
-    name = "Channels predicted from the others: residual [its standard deviation]; red: limit"
-    return _series(name, "/channels/residuals", following(seconds))
+    name = f"Channels predicted from the others: residual [its standard deviation]; red: limit, {plot.limit:g}"
+    return _series(name, "/channels/residuals", following(plot.seconds))
 
 
-def innovations(seconds: float) -> rrb.TimeSeriesView:
+def innovations(plot: BlockPlot) -> rrb.TimeSeriesView:
     """Return the plot of the last innovations about the modes."""
-    name = "Signals predicted from the past by the modes: innovations [their standard deviation]; red: limit"
-    return _series(name, "/channels/innovations", following(seconds))
+    name = f"Innovations about each mode, signals predicted by the modes [σ]; red: limit, {plot.limit:g}"
+    return _series(name, "/channels/innovations", following(plot.seconds))
 
 
 def _span(start: int, end: int) -> rr.TimeRange:

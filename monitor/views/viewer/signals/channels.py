@@ -1,6 +1,6 @@
 """Figures of channels and devices: RMS and temperature over time, and a table of the last seconds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import rerun as rr
@@ -46,14 +46,15 @@ def draw_temperature(
 
 def draw_residuals(recording: rr.RecordingStream, residuals: ChannelResiduals) -> None:
     """Draw the residual of each channel against its prediction from the others, and the limit [standard deviations]."""
-    _draw_block(recording, "residuals", residuals, residuals.deviation)
+    numbered = enumerate(residuals.deviation.items(), 1)
+    _draw_block(recording, "residuals", residuals, [(number, *one) for number, one in numbered])
 
 
 def draw_innovations(recording: rr.RecordingStream, innovations: ModeInnovations) -> None:
     """Draw the innovations about each mode, and the limit [standard deviations]."""
-    modes = zip(innovations.mode, innovations.frequency, strict=True)
-    names = [f"mode {number}, {frequency:.4g} Hz" for number, frequency in modes]
-    _draw_block(recording, "innovations", innovations, dict(zip(names, innovations.deviation, strict=True)))
+    modes = zip(innovations.mode, innovations.deviation, strict=True)
+    found = [(number, f"mode {number}", deviation) for number, deviation in modes]
+    _draw_block(recording, "innovations", innovations, found)
 
 
 def clear_innovations(recording: rr.RecordingStream) -> None:
@@ -65,9 +66,10 @@ def _draw_block(
     recording: rr.RecordingStream,
     kind: str,
     block: ChannelResiduals | ModeInnovations,
-    deviations: Mapping[str, float],
+    deviations: Iterable[tuple[int, str, float]],
 ) -> None:
-    for number, (name, deviation) in enumerate(deviations.items(), 1):
+    """Draw the deviations of a block, each with its number, which gives the colour, and its name; and the limit."""
+    for number, name, deviation in deviations:
         path = rr.new_entity_path(["channels", kind, name])
         line(recording, path, name, mode_colour(number), times([block.time]), [deviation])
     path = rr.new_entity_path(["channels", kind, "limit"])

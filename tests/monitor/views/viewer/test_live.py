@@ -241,10 +241,10 @@ def test_innovations_are_drawn_and_laid_out_from_the_first_block_on(tmp_path: Pa
     live.add(RUN["reference"].model_copy(update={"time": made.START + 12 * 10**9}))
     recording.disconnect()
     rrd = Rrd(tmp_path / "live.rrd")
-    times, values = rrd.scalars(r"/channels/innovations/mode\ 1\,\ 10.88\ Hz")
+    times, values = rrd.scalars(r"/channels/innovations/mode\ 1")
     assert (times - made.START).tolist() == [10 * 10**9, 11 * 10**9]
     assert values.tolist() == [5.0, 5.5]
-    assert rrd.scalars(r"/channels/innovations/mode\ 2\,\ 10.88\ Hz")[1].tolist() == [1.0, 1.0]  # the same digits
+    assert rrd.scalars(r"/channels/innovations/mode\ 2")[1].tolist() == [1.0, 1.0]
     cleared, _ = rrd.rows("/channels/innovations", "Clear:is_recursive")
     assert (cleared - made.START).tolist() == [12 * 10**9]
     assert set(rrd.scalars("/channels/innovations/limit")[1].tolist()) == {6.0}
