@@ -8,6 +8,7 @@ import tomlkit
 from pydantic import BaseModel, ValidationError
 
 from daq.bounded_text import parse_toml
+from daq.errors import system_reason
 from updater.errors import StructureError
 from updater.structure.base import not_known
 from updater.structure.entries import (
@@ -118,8 +119,10 @@ def load_structure(path: Path | str) -> Structure:
 def _text(path: Path | str) -> str:
     try:
         return Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise StructureError(path, f"cannot be read: {error}") from error
+    except OSError as error:
+        raise StructureError(path, f"cannot be read: {system_reason(error)}") from error
+    except UnicodeDecodeError as error:
+        raise StructureError(path, "expected a structure file, found no text in UTF-8") from error
 
 
 def portable_text(path: Path | str) -> str:

@@ -9,10 +9,11 @@ from pathlib import Path
 from monitor.analysis.logs import log_channels
 from monitor.cli.options import DONE, KINDS
 from monitor.cli.output import asked, write_new
-from monitor.cli.terminal import echo
+from monitor.cli.terminal import echo, warn
 from monitor.errors import ArgumentError
 from monitor.text.quantities import counted
 from updater import StructureError, parse_structure
+from updater.structure import odd_units
 
 Point = tuple[float, float, float]
 
@@ -200,6 +201,8 @@ def write_structure(
     write_new(path, text, force=force)
     content = f"{counted(len(loaded.member), 'member')}, {counted(len(loaded.sensor), 'sensor')}"
     echo(f"written: {path}: {content}")
+    for note in odd_units(loaded):
+        warn(f"note: {note}")
     echo(f"next: edit it, then draw and check it: modalwatch structure {path}")
     return DONE
 

@@ -50,7 +50,8 @@ def _place(target: str) -> tuple[str, str]:
         source = load_site(path).source
         return source.url, source.history_site
     if not path.is_file():
-        raise ArgumentError("TARGET", f"expected SITE.toml, a SQLite file or an address, found {target!r}")
+        missing = "" if path.exists() else ", which does not exist"
+        raise ArgumentError("TARGET", f"expected SITE.toml, a SQLite file or an address, found {target!r}{missing}")
     return f"sqlite:///{path}", ""
 
 

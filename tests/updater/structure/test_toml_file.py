@@ -120,12 +120,19 @@ def test_invalid_toml_is_reported_with_the_line() -> None:
         parse_structure('name = "x"\nmember = = 1', "frame.toml")
 
 
-@pytest.mark.parametrize("content", [None, b"\xff\xfe\x00"], ids=["missing", "not text"])
-def test_unreadable_file_is_named_in_the_error(tmp_path: Path, content: bytes | None) -> None:
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (None, "cannot be read: No such file or directory"),
+        (b"\xff\xfe\x00", "expected a structure file, found no text"),
+    ],
+    ids=["missing", "not text"],
+)
+def test_unreadable_file_is_named_in_the_error(tmp_path: Path, content: bytes | None, reason: str) -> None:
     path = tmp_path / "frame.toml"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(StructureError, match=r"frame\.toml: cannot be read") as caught:
+    with pytest.raises(StructureError, match=rf"frame\.toml: {reason}") as caught:
         load_structure(path)
     assert caught.value.path == path
 

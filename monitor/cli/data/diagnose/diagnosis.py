@@ -436,7 +436,9 @@ def selected_structure(path: Path, selection: Selection) -> Structure:
     try:
         return selection.of_structure(structure)
     except ValueError as error:
-        raise ArgumentError("--fix, --bound, --without-channel", str(error)) from error
+        given = (("--fix", selection.fixed), ("--bound", selection.bounds))
+        named = [option for option, values in (*given, ("--without-channel", selection.without_channels)) if values]
+        raise ArgumentError(", ".join(named), str(error)) from error
 
 
 def _channel_notes(structure: Structure, logs: Logs) -> list[str]:

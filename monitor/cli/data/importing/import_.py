@@ -111,6 +111,8 @@ def import_(
     from monitor.cli.output import check_outputs, replacing
     from monitor.errors import ArgumentError
 
+    for log in (path for path in data if path.suffix == ".mcap"):
+        raise ArgumentError("DATA", f"{log} is a log already: `identify`, `diagnose` and `replay` read it")
     bus = [path for path in data if path.suffix.lower() in CAN_LOGS]
     can = dbc is not None or (bool(bus) and (site is not None or not is_table(bus[0])))  # DASYLab's tables are .asc too
     if can and len(data) > 1:

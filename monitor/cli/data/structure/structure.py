@@ -77,7 +77,7 @@ def structure(
             sight = look(loaded, modes, record, target.within if target else None)
         planned = work.plan_for(sight, target)
     except ModelError as error:
-        raise StructureError(file, str(error)) from error
+        raise StructureError(file, "; ".join([*odd_units(loaded), str(error)])) from error
     if picture and drawn:
         with progress("drawing"):
             work.draw(sight, picture, planned)

@@ -158,7 +158,7 @@ def novelty_content(levels: Sequence[float | None]) -> dict[str, Any] | None:
 
 def novelty_text(level: float) -> str:
     """Return the novelty over its limit in words."""
-    return f"{level:.0f} times the limit" if level >= 10 else f"{level:.2g} times the limit"
+    return f"{level:.0f} times the limit" if level >= 9.95 else f"{level:#.2g} times the limit"
 
 
 def novelty_course(levels: Sequence[float | None], height: float) -> Markup:

@@ -281,3 +281,36 @@ def test_parameters_are_listed_with_their_sensitivities(tmp_path: Path, modalwat
     np.testing.assert_allclose(listed["steel.E"]["frequency_change"], -0.015, rtol=1e-4)
     assert listed["steel.E"]["file"] == 210e9
     assert listed["support 0.ry"]["file"] is None
+
+
+def test_wrong_units_are_stated_before_what_they_lead_to(modalwatch: Commands, tmp_path: Path) -> None:
+    """A box of 18 m on feet that yield: its stiffness is beyond the digits of a number."""
+    file = tmp_path / "portal.toml"
+    size = (
+        "--height",
+        1,
+        "--length",
+        1,
+        "--foot-stiffness",
+        2e3,
+        "--section",
+        "box:15,18,1.5,0",
+        "--beam-section",
+        "box:0.015,0.018,0.0015,0",
+    )
+    done = modalwatch("new", "structure", "portal", *size, "-o", file)
+    odd = "section main: its radius of gyration is 6.6 m, the whole structure 1 m long; is it in m, m2, m4?"
+    assert f"note: {odd}" in done.err + done.out
+    assert_refused(modalwatch("structure", file), f"{file}: {odd}; portal: it can move without deforming")
+
+
+def test_file_that_is_no_structure_is_refused(modalwatch: Commands, tmp_path: Path) -> None:
+    log, table = tmp_path / "log.mcap", tmp_path / "table.csv"
+    table.write_text("t,s0\n" + "".join(f"{i / 100:.2f},{i % 7}\n" for i in range(500)))
+    assert modalwatch("import", table, "-o", log).code == 0
+    assert_refused(modalwatch("structure", log), f"{log}: expected a structure file, found no text in UTF-8")
+    assert_refused(modalwatch("import", log, "-o", tmp_path / "b.mcap"), f"DATA: {log} is a log already")
+    missing = f"{tmp_path / 'none.toml'}: cannot be read: No such file or directory\n"
+    assert_refused(modalwatch("structure", tmp_path / "none.toml"), missing)
+    history = tmp_path / "none.db"
+    assert_refused(modalwatch("history", history), f"found '{history}', which does not exist")

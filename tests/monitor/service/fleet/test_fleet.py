@@ -160,6 +160,8 @@ def test_site_has_a_page_from_the_history(served: Served) -> None:
         for text in ("<h2>Novelty", "<h2>Modes", "<h2>Alarms", "204 ± 11 g added", f'aria-current="page">{span}'):
             assert text in answer.text
     assert re.search("14[34] windows", served.get("/site/5?span=day").text)  # of 10 minutes; one ends between the two
+    past = served.get("/?q=whole+run").text.partition('<a href="/site/')[2].partition('"')[0]  # a day in the past
+    assert "No window in this span." in served.get(f"/site/{past}?span=day").text
     for path in ("/site/99999", "/site/1?span=eon", "/site/x"):
         assert served.get(path).status_code == 404
     number = served.get("/?q=empty").text.partition('<a href="/site/')[2].partition('"')[0]

@@ -7,6 +7,7 @@ import pytest
 
 from monitor.outputs.history import STATE_SECONDS, FleetRow, LastAlarm, SiteState
 from monitor.service.servers.fleet.overview import PAGE_SITES, Wanted, overview, view_of
+from monitor.service.servers.web.status_page import novelty_text
 
 STATE = SiteState(state="normal", window=0, window_age=5.0, overdue=False, problems=(), url="")
 ALARM = LastAlarm(raised=0, active=True, acknowledged=False, text="mass added")
@@ -65,3 +66,8 @@ def test_search_and_filter_select_sites_and_counts_follow_the_search() -> None:
     assert [view.row.name for view in found.shown] == ["Köln 0"]
     assert (found.total, found.found, found.counts["watch"], found.counts["normal"]) == (4, 1, 1, 1)
     assert overview(rows, Wanted(words="0 ulm")).found == 1
+
+
+@pytest.mark.parametrize(("level", "text"), [(0.6, "0.60"), (2.0, "2.0"), (9.96, "10"), (42.3, "42")])
+def test_novelty_has_two_digits(level: float, text: str) -> None:
+    assert novelty_text(level) == f"{text} times the limit"
