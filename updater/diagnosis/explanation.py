@@ -55,7 +55,7 @@ from updater.diagnosis.search import (
     with_unlisted_bodies,
     within_noise,
 )
-from updater.diagnosis.simplification import merged, significant_only
+from updater.diagnosis.simplification import merged, only_needed, significant_only
 from updater.diagnosis.weighing import SURE, Candidate, EvidenceComparison, OnCause, allowed_causes, ranked, say_nothing
 from updater.errors import SelectionError
 from updater.inference import MODEL_ERROR, Comparison, compare
@@ -221,7 +221,7 @@ def _diagnosed(
             if revised is not None:
                 return revised
         found = found if within_noise(good, found[0].chosen) else closer(case, found, good)
-        leading, *rest = [merged(case.weighing, found[0]), *found[1:]]
+        leading, *rest = [only_needed(case.weighing, merged(case.weighing, found[0])), *found[1:]]
         found = significant_only(case.weighing, [leading, *rest])
         less = max((c.log_evidence for c in found), default=float("-inf"))
         left = less >= min(leading.log_evidence, case.weighing.log_nothing)  # else no change is more probable

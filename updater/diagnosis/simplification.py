@@ -1,4 +1,4 @@
-"""Two stretches of a member that touch and have lost as much stiffness, as one stretch."""
+"""Simpler forms of an explanation: two stretches as one, and no cause that is not needed."""
 
 import itertools
 from dataclasses import dataclass
@@ -11,6 +11,8 @@ from updater.diagnosis.combinations import Compositions
 from updater.diagnosis.weighing import Candidate, EvidenceComparison, ranked, shown_by_signals
 from updater.inference import Fit, fit
 from updater.quantities import SIGNIFICANT
+
+_MANY = 3  # causes from which on not every combination of fewer causes was fitted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +89,28 @@ def _refitted(
     chosen: tuple[SelectedCause, ...] = beside.best(found)
     evidence = found.log_evidence - open_ones + sum(weighing.log_prior(c.cause.name) for c in chosen)
     return Candidate(chosen, (beside.of_free(found), *parts), evidence, found.p_value, float(found.chi_square.min()))
+
+
+def only_needed(weighing: EvidenceComparison, candidate: Candidate) -> Candidate:
+    """Return a candidate of more than two causes without a cause that reduces its evidence, the others fitted again.
+
+    The search adds causes to a first one that another one may replace later: then a cause that was needed next to the
+    first one may no longer be. Parameters of a file are not left out.
+
+    Parameters
+    ----------
+    weighing : the data and the causes' prior probabilities
+    candidate : causes fitted together
+    """
+    several, needed = Compositions(weighing), candidate
+    while len(candidate.chosen) >= _MANY and len(needed.chosen) > 1:
+        removable = [k for k, name in enumerate(needed.names) if not CATALOGUE[name].of_the_file]
+        fitted = [several.coordinate_fit(needed.chosen[:k] + needed.chosen[k + 1 :]) for k in removable]
+        best = max((c for c in fitted if c is not None), key=lambda c: c.log_evidence, default=needed)
+        if best.log_evidence <= needed.log_evidence:
+            break
+        needed = best
+    return needed
 
 
 def is_significant(part: Fit[Any]) -> bool:

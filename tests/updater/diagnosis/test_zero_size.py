@@ -19,7 +19,7 @@ from updater.causes import Cause, LocalStiffness, SelectedCause
 from updater.causes.stiffness.local_stiffness import LENGTHS, propose_local_stiffness
 from updater.causes.stretches import everywhere
 from updater.diagnosis.combinations import Compositions
-from updater.diagnosis.simplification import is_significant, merged, significant_only
+from updater.diagnosis.simplification import is_significant, merged, only_needed, significant_only
 from updater.diagnosis.weighing import EvidenceComparison
 from updater.inference import Comparison, compare
 
@@ -149,3 +149,18 @@ def test_zero_size_springs_and_stretches_are_rejected_with_a_mass(name: str) -> 
     significant = dict(zip(two.names, map(is_significant, two.parts), strict=True))
     assert significant == {"added_mass": True, name: False}
     assert [c.names for c in significant_only(weighing, [two])] == [("added_mass",)]
+
+
+def test_third_cause_that_was_needed_next_to_another_one_is_left_out() -> None:
+    """A distributed mass, a loss and a gain were found; the gain remained where a body replaced the distributed mass."""
+    state, do = specimen("", 21)
+    heavier = do["added_mass"](state, np.random.default_rng(3)).after
+    weighing = weighing_of(state, softened(heavier, "crossbeam", 0.5, (0.2, 0.3)), 21)
+    names = ("sensor_gain", "local_stiffness", "added_mass")
+    three = Compositions(weighing).coordinate_fit(tuple(begun(weighing.causes[n]) for n in names))
+    assert three is not None
+    needed = only_needed(weighing, three)
+    print([(part.hypotheses.name, part.hypotheses.parameters(part)) for part in (*three.parts, *needed.parts)])
+    assert sorted(needed.names) == ["added_mass", "local_stiffness"]
+    assert needed.log_evidence > three.log_evidence
+    assert only_needed(weighing, needed) is needed
