@@ -11,14 +11,13 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from daq import FloatArray
 from monitor.analysis.explanation import explain
 from monitor.analysis.states.record_course import explain_record
-from monitor.results.comparison import DiagnosisAnswer
+from monitor.results.comparison import DiagnosisAnswer, WithinRecord
 from tests.examiner.draws import log_uniform, somewhere, with_lump
 from tests.examiner.models.bar import vector
 from tests.examiner.models.frame import Lump
@@ -65,7 +64,22 @@ def answer(cause: str, course: str, seed: int) -> tuple[DiagnosisAnswer, float]:
     before = observation(state, estimated(state, N_BEFORE, random, noise="law"))
     windows = [estimated(one, 1, random, first=w, noise="law")[0] for w, one in enumerate(states)]
     now = observation(states[-1], windows, [one.loudness for one in states])
-    return explain_record(partial(explain, FRAME), before, now).diagnosis, size
+    return explain_record(explain, FRAME, before, now).diagnosis, size
+
+
+def true_rate(size: float, within: WithinRecord) -> float:
+    """Return the rate per hour of a change that reaches a size in all windows of a record."""
+    window = (within.course[-1].time - within.course[0].time) * 1e-9 / 3600 / (N_WINDOWS - 1)
+    return size / (N_WINDOWS * window)
+
+
+def rates_text(rates: list[tuple[float, float, float]]) -> str:
+    """Return the mean ratio of found rates to true ones, and how many are within two stated deviations."""
+    if not rates:
+        return "- | -"
+    found, std, true = np.transpose(rates)
+    ratio, inside = found / true, np.abs(found - true) < 2 * std
+    return f"{ratio.mean():.3f} ± {ratio.std(ddof=1) / len(ratio) ** 0.5:.3f} | {inside.sum()} of {len(rates)}"
 
 
 def main() -> int:
@@ -74,22 +88,27 @@ def main() -> int:
     parser.add_argument("--draws", type=int, default=10, help="of each row")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
-    print("| change | course | course found | end state named | wrong | change within named | wrong | CPU s |")
-    print("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |")
+    print(
+        "| change | course | course found | end state named | wrong | change within named | wrong "
+        "| rate over true | within two deviations | CPU s |"
+    )
+    print("| --- | --- |" + " ---: |" * 8)
     for cause in CHANGES:
         for course in COURSES:
-            found, started = np.zeros(5, int), time.process_time()
+            found, rates, started = np.zeros(5, int), [], time.process_time()
             for draw in range(given.draws):
-                answered, _ = answer(cause, course, given.seed + draw)
+                answered, size = answer(cause, course, given.seed + draw)
                 within = answered.within_record
                 wanted = {"saturating": "gradual", "none": None}.get(course, course)
                 found[0] += (within.kind if within else None) == wanted
                 for k, causes in ((1, answered.causes), (3, within.causes if within else ())):
                     if causes:
                         found[k + (causes[0].cause != cause)] += 1
+                if cause == "added_mass" and course == "gradual" and within:
+                    rates += [(r.per_hour, r.std, true_rate(size, within)) for r in within.rates if r.cause == cause]
             each = (time.process_time() - started) / given.draws
             counts = " | ".join(f"{n} of {given.draws}" for n in found)
-            print(f"| {cause} | {course} | {counts} | {each:.1f} |", flush=True)
+            print(f"| {cause} | {course} | {counts} | {rates_text(rates)} | {each:.1f} |", flush=True)
     return 0
 
 

@@ -11,14 +11,17 @@ from monitor.analysis.states.stationarity import in_order_of_time
 from monitor.errors import StateError
 from monitor.results.comparison import ChangeRate, CoursePoint, WithinRecord
 from oma import ModalEstimate
-from updater import Cause
+from updater import Cause, Structure
 from updater.modal_data import Course, find_course
+from updater.quantities import SIGNIFICANT
 
 _SURROUNDINGS = frozenset({"temperature", "global_stiffness", "amplitude_softening", "sampling_clock"})
 _AMOUNTS = frozenset({"mass", "loss", "force"})  # parameters that are zero without their cause
+_BODY = "added_mass"
 _HOUR = 3600.0
 
-Explain = Callable[[Observation | None, Observation, Observation | None], Explanation]  #: of the states before and now
+#: of a structure's states before and now
+Explain = Callable[[Structure, Observation | None, Observation, Observation | None], Explanation]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -53,30 +56,73 @@ def record_states(observation: Observation) -> RecordStates | None:
 
 
 def explain_record(
-    explain_states: Explain, before: Observation | None, now: Observation, heldout: Observation | None = None
+    explain_states: Explain,
+    structure: Structure,
+    before: Observation | None,
+    now: Observation,
+    heldout: Observation | None = None,
 ) -> Explanation:
     """Explain logs; of logs within which the structure changed, the state at the end.
 
     What changed within them is explained with their beginning as the reference (`Explanation.diagnosis.within_record`).
-    A change by temperature or amplitude does not count: the mean of all windows is explained then.
+    A change by temperature or amplitude does not count: the mean of all windows is explained then. A body that grows
+    has part of its mass at the beginning already, which increases the modal masses: then the change is explained once
+    more, with this part in the model.
 
     Parameters
     ----------
-    explain_states : `explain` with its structure and options
-    before, now, heldout : as for `explain`, whose errors are raised
+    explain_states : `explain` with its options
+    structure, before, now, heldout : as for `explain`, whose errors are raised
     """
     states = record_states(now)
     if states is None:
-        return explain_states(before, now, heldout)
+        return explain_states(structure, before, now, heldout)
     try:
-        change = explain_states(states.first, states.last, None)
+        change = explain_states(structure, states.first, states.last, None)
     except StateError:  # too few modes at one of both ends
-        return explain_states(before, now, heldout)
+        return explain_states(structure, before, now, heldout)
     causes = {cause.cause for cause in change.diagnosis.causes}
     of_all = change.diagnosis.verdict != "unexplained" and causes <= _SURROUNDINGS
-    found = explain_states(before, states.observation if of_all else states.last, heldout)
+    found = explain_states(structure, before, states.observation if of_all else states.last, heldout)
+    if _grown(found) and _grown(change):
+        try:
+            first = explain_states(structure, before, states.first, None)
+        except StateError:  # too few modes in common with the state before
+            first = None
+        begun = first and _with_grown(structure, first, found)
+        change = explain_states(begun, states.first, states.last, None) if begun else change
     within = _within_record(states, change, of_all=of_all)
     return replace(found, diagnosis=found.diagnosis.model_copy(update={"within_record": within}))
+
+
+def _grown(one: Explanation) -> Cause | None:
+    """Return the body that explains a state; None if none does, or several do."""
+    bodies = [cause for cause in one.diagnosis.causes if cause.cause == _BODY]
+    return bodies[0] if len(bodies) == 1 else None
+
+
+def _with_grown(structure: Structure, begun: Explanation, ended: Explanation) -> Structure | None:
+    """Return the structure with the mass that a growing body has in the first state; None if it has none there.
+
+    Parameters
+    ----------
+    structure : as in its file
+    begun, ended : the first and the last state
+    """
+    first, last, extended = _grown(begun), _grown(ended), ended.explained.extended
+    if not (first and last and extended and _is_at_one_place(first, last)):
+        return None
+    (body,) = extended.body[len(structure.body) :]
+    return structure.with_bodies([body.times(first.parameters["mass"].value / last.parameters["mass"].value)])
+
+
+def _is_at_one_place(one: Cause, other: Cause) -> bool:
+    """Return whether two stated places agree within two deviations."""
+    first, second = one.where, other.where
+    if not (first and second and first.position and second.position):
+        return False
+    std = math.hypot(first.position_std or 0.0, second.position_std or 0.0)
+    return math.dist(first.position, second.position) < SIGNIFICANT * std
 
 
 def _within_record(states: RecordStates, change: Explanation, *, of_all: bool) -> WithinRecord:

@@ -152,7 +152,7 @@ def test_zero_size_springs_and_stretches_are_rejected_with_a_mass(name: str) -> 
 
 
 def test_third_cause_that_was_needed_next_to_another_one_is_left_out() -> None:
-    """A distributed mass, a loss and a gain were found; the gain remained where a body replaced the distributed mass."""
+    """A gain was needed next to a distributed mass and a loss, and remained where a body replaced that mass."""
     state, do = specimen("", 21)
     heavier = do["added_mass"](state, np.random.default_rng(3)).after
     weighing = weighing_of(state, softened(heavier, "crossbeam", 0.5, (0.2, 0.3)), 21)

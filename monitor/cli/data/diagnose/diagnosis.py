@@ -245,14 +245,13 @@ def diagnose_logs(
         try:
             explained = partial(
                 explain,
-                structure,
                 on_cause=partial(_show_fit, work),
                 only=selection.only,
                 without=selection.without,
                 with_mass=with_mass,
                 effort=effort,
             )
-            found = explain_record(explained, before, after, heldout)
+            found = explain_record(explained, structure, before, after, heldout)
         except StateError as error:
             raise LogError(", ".join(map(str, logs.of_state(error.state))), str(error)) from error
     if earlier:

@@ -35,7 +35,7 @@ def record(mass: np.ndarray, seed: int) -> tuple[Observation, Observation]:
 
 def found(mass: np.ndarray, seed: int) -> tuple[Explanation, WithinRecord | None]:
     """Return the explanation of a record, and of the change within it."""
-    explained = explain_record(partial(explain, FRAME, only=FEW), *record(mass, seed))
+    explained = explain_record(partial(explain, only=FEW), FRAME, *record(mass, seed))
     return explained, explained.diagnosis.within_record
 
 
@@ -64,6 +64,17 @@ def test_mass_that_grows_within_a_record_is_named_with_its_rate(seed: int) -> No
     assert not within.of_all
     assert "mean of all windows" in within_record_text(within.model_copy(update={"of_all": True}))
     assert any("g/h" in text for text in record_change_texts(within))
+
+
+@pytest.mark.parametrize("seed", [3, *(pytest.param(s, marks=pytest.mark.thorough) for s in range(4, 12))])
+def test_rate_of_a_heavy_body_is_that_with_its_first_part_in_the_model(seed: int) -> None:
+    """A sixth of 1.2 kg is there in the first state; without it in the model, the growth was 9 to 17 % too small."""
+    _, within = found(3 * MASS * (np.arange(N_WINDOWS) + 0.5) / N_WINDOWS, seed)
+    assert within is not None
+    (change,) = within.causes
+    growth = change.parameters["mass"]
+    print(growth)
+    assert agrees(growth.value, 0.5 * growth.std, 3 * MASS * 2 / 3)
 
 
 @pytest.mark.parametrize("seed", [3, *(pytest.param(s, marks=pytest.mark.thorough) for s in range(4, 12))])
