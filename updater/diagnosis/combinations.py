@@ -166,11 +166,11 @@ class Compositions:
         allowed = [name for name in self.weighing.causes if only is None or name in only]
         weighing = self.weighing if only is None else replace(self.weighing, allowed=allowed)
         pair = self.weighing.faults.attempt("a pair of causes to first order", partial(likeliest_pair, weighing))
-        found = None if pair is None else self._refit_until_converged(self.coordinate_fit(pair))
+        found = None if pair is None else self.converged_fit(pair)
         if found is None:
             return []
         others = self._alike(found) if only is None else []
-        alike = [self._refit_until_converged(self.coordinate_fit(chosen)) for chosen in others]
+        alike = [self.converged_fit(chosen) for chosen in others]
         return ranked([found, *(other for other in alike if other is not None)])
 
     @cached_property
@@ -284,12 +284,12 @@ class Compositions:
         best = max(found.values(), key=lambda c: c.log_evidence)
         keep(self._refit_until_converged(best))
         for other in self._at_next_place(best):
-            keep(self._refit_until_converged(self.coordinate_fit(other.chosen)))
+            keep(self.converged_fit(other.chosen))
         tried = None
         while tried is not (best := max(found.values(), key=lambda c: c.log_evidence)):
             tried = best
             for chosen in self._alike(best):
-                keep(self._refit_until_converged(self.coordinate_fit(chosen)))
+                keep(self.converged_fit(chosen))
         return self._with_other_makers(sorted(found.values(), key=lambda c: -c.log_evidence))
 
     def _worth_fitting(self, promises: Sequence[PredictedCandidate]) -> list[PredictedCandidate]:
@@ -307,6 +307,10 @@ class Compositions:
         """Return whether a prediction may exceed the best one within the error of first order."""
         margin = HOPELESS + ERRS * max(best.log_evidence - best.fewer, 0.0)
         return other.log_evidence >= best.log_evidence - margin
+
+    def converged_fit(self, chosen: tuple[SelectedCause, ...]) -> Candidate | None:
+        """Return causes fitted in turn, and again while the fit improves; None where the first fit fails."""
+        return self._refit_until_converged(self.coordinate_fit(chosen))
 
     def _refit_until_converged(self, fitted: Candidate | None) -> Candidate | None:
         """Refit each cause with the others at their present values while the fit improves."""

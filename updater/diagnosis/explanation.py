@@ -35,7 +35,13 @@ from updater.diagnosis.naming import (
     with_place_names,
 )
 from updater.diagnosis.next_measurement import next_measurement, smallest_changes
-from updater.diagnosis.relaxation import relaxed_alone, relaxed_beside, unrelaxed_beside, with_relaxed_form
+from updater.diagnosis.relaxation import (
+    relaxed_alone,
+    relaxed_beside,
+    relaxed_with_body,
+    unrelaxed_beside,
+    with_relaxed_form,
+)
 from updater.diagnosis.revised_reference import (
     is_lacked,
     removed_bodies,
@@ -198,6 +204,7 @@ def _diagnosed(
     alone = [c for c in singles if c.effective]
     search, found = stepwise(search, ranked([*alone, *beside_the_file(search, alone)]), rough=True)
     search, found = relaxed_beside(search, found) if not search.instead else unrelaxed_beside(plain, search, found)
+    search, found = relaxed_with_body(search, found)
     case = replace(case, weighing=search)
     best = max((*singles, *found), key=lambda c: c.log_evidence)
     if found and fits(found[0]):

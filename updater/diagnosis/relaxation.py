@@ -14,6 +14,7 @@ from updater.diagnosis.weighing import DOUBTFUL, MUCH, WELL, Candidate, Evidence
 
 _MIN_SHARE = 0.5  # of the misfit of a cause alone, that its relaxed form must explain to replace it
 _FAR = 10.0  # times the misfit of the likeliest cause: the relaxed form of a cause with more is not tried alone
+_MEDIOCRE = 0.1  # p value of a fit under which a relaxed cause with a body is tried: one of ten right fits has less
 _RIVAL = 60.0  # of log evidence below the best of the plain form: its relaxed one is not tried
 
 
@@ -86,6 +87,26 @@ def unrelaxed_beside(
         other = Compositions(plain).likely_fit(_last(best.chosen, name), best.log_evidence)
         if other is not None and best.log_evidence < other.log_evidence + MUCH:
             return plain, ranked([other, *(c for c in found if c is not best)])
+    return search, found
+
+
+def relaxed_with_body(search: EvidenceComparison, found: list[Candidate]) -> tuple[EvidenceComparison, list[Candidate]]:
+    """Add a relaxed cause with a body, where the best fit is mediocre or may absorb other effects, if much likelier.
+
+    The search cannot begin from a relaxed cause that is at a wrong place without the body, nor from the plain form.
+    """
+    if not found or (found[0].p_value >= _MEDIOCRE and not is_hidden(found[0])):
+        return search, found
+    for name in (name for name in search.causes if CATALOGUE[name].relaxed):
+        relaxed = search if name in search.instead else _relaxed(search, name)
+        form = relaxed.cause(name)
+        for body in (relaxed.cause(one) for one in search.common_forms):
+            if form is None or body is None or (relaxed is search and {name, body.name} == {*found[0].names}):
+                continue
+            both = tuple(SelectedCause(one, 0, np.zeros(len(one.prior_std))) for one in (form, body))
+            fitted = Compositions(relaxed).converged_fit(both)
+            if fitted is not None and fitted.log_evidence >= found[0].log_evidence + MUCH:
+                return relaxed, ranked([fitted, *found])
     return search, found
 
 
