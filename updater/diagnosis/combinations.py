@@ -103,7 +103,8 @@ def _begun(weighing: EvidenceComparison, columns: _Columns, number: int, strengt
 _MANY = 100  # alternatives of which every second one is predicted to first order
 _CLOSER = 3  # pairs that are fitted, of all that are predicted to first order; one fewer of more causes
 _LATER = 2  # pairs after these that are fitted too
-_MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
+_MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on; ...
+_OF_SHAPE = 0.5  # ... the shape of a mode counts as half a frequency: places are determined by shapes as well
 _DATA_EACH = 2  # data of all kinds that each must have, from the second one on: a place and a size
 _FURTHER = 3  # more pairs that are fitted where none of these fits
 _TURNS, _STILL = 3, 1.0  # times that all are fitted again, while log evidence grows by more than this
@@ -214,10 +215,9 @@ class Compositions:
 
         Feet and joints together with parameters of a file are errors of the file, which are not counted.
         """
-        most = min(
-            max(2, len(self.weighing.data.log_ratio) // _MODES_EACH),
-            max(1, int(self.weighing.data.freedom // _DATA_EACH)),
-        )
+        data = self.weighing.data
+        n_modes = len(data.log_ratio) + _OF_SHAPE * np.count_nonzero(data.shaped)
+        most = min(max(2, n_modes // _MODES_EACH), max(1, data.freedom // _DATA_EACH))
         counted = [c for c in seed.chosen if c.cause.drifting]
         return cause.drifting and len(counted) >= most and not self.of_the_file_alone(seed)
 
