@@ -58,6 +58,7 @@ from updater.diagnosis.search import (
     stepwise,
     with_learned_error,
     with_open_places,
+    with_two_bodies,
     with_unlisted_bodies,
     within_noise,
 )
@@ -205,6 +206,7 @@ def _diagnosed(
     search, found = stepwise(search, ranked([*alone, *beside_the_file(search, alone)]), rough=True)
     search, found = relaxed_beside(search, found) if not search.instead else unrelaxed_beside(plain, search, found)
     search, found = relaxed_with_body(search, found)
+    search, found = with_two_bodies(plain, search, singles, found)
     case = replace(case, weighing=search)
     best = max((*singles, *found), key=lambda c: c.log_evidence)
     if found and fits(found[0]):

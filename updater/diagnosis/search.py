@@ -274,8 +274,8 @@ def stepwise(
         as_many = [c for c in found if len(c.chosen) == number]
         seeds = as_many[:N_SEEDS]
         seeds += [c for c in as_many[N_SEEDS:] if sorted(c.names) == common(seeds[0].names)]
-        doubted = found[0].p_value < DOUBTFUL or is_hidden(found[0]) or is_relaxed_doubtful(weighing, found[0])
-        if not seeds or len(found[0].chosen) < number or (rough and found[0].p_value >= DOUBTFUL):
+        doubted = _is_doubtful(found[0]) or is_hidden(found[0]) or is_relaxed_doubtful(weighing, found[0])
+        if not seeds or len(found[0].chosen) < number or (rough and not _is_doubtful(found[0])):
             break
         if len(found[0].chosen) > number and not doubted:
             break
@@ -287,15 +287,37 @@ def stepwise(
         more = several.together(promises)
         if number == 1 and not any(c.p_value >= WELL for c in more) and not weighing.of_the_file:
             more += [c for c in several.at_once() if not any(_as_good(m, c) for m in more)]
-            if not any(c.p_value >= DOUBTFUL for c in more):
+            if all(map(_is_doubtful, more)):
                 more += several.further(promises)
         if number == 1:
             more += several.later(promises, more)
         more = [c for c in more if c.earned(found)]
         found = ranked([*found, *more])
-        if found[0].p_value < DOUBTFUL:
+        if _is_doubtful(found[0]):
             weighing, found = relaxed_beside(weighing, found)
     return weighing, found
+
+
+def _is_doubtful(found: Candidate) -> bool:
+    """Return whether one cause more is tried, whatever it promises: several causes that do not fit are refused."""
+    return found.p_value < (DOUBTFUL if len(found.chosen) == 1 else _MIN_P_TOGETHER)
+
+
+def with_two_bodies(
+    plain: EvidenceComparison, search: EvidenceComparison, singles: Sequence[Candidate], found: list[Candidate]
+) -> tuple[EvidenceComparison, list[Candidate]]:
+    """Try two bodies and another cause, where no explanation fits; they replace the given ones if more probable.
+
+    Parameters
+    ----------
+    plain : the causes in their plain forms
+    search : those of the given explanations
+    """
+    if not found or not _is_doubtful(found[0]) or plain.of_the_file:
+        return search, found
+    more = [c for c in Compositions(plain).with_two_bodies(singles) if c.earned(found)]
+    every = ranked([*found, *more])
+    return (plain if every[0] in more else search), every
 
 
 def _as_good(one: Candidate, other: Candidate) -> bool:
