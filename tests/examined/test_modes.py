@@ -65,6 +65,12 @@ THOROUGH = [
     ("local_stiffness + added_mass", 2657985167017),  # the stretch promises little beside the body that fits best alone
     ("local_stiffness + added_mass", 2657985167018),  # two bodies are nearly as good
     ("one_sided + added_mass", 3161603559014),  # likewise, where the stretch has one factor for all axes
+    ("one_sided + added_mass", 882109),  # a gain was needed next to a distributed mass, and remained next to a body
+    ("one_sided + added_mass", 882110),  # without the body, the loss about one axis fits best at another place
+    ("one_sided + added_mass", 882115),  # an oscillator without a measured mode fits both at p = 0.08
+    ("added_mass + added_mass + local_stiffness", 31),  # three causes that change eight frequencies
+    ("added_mass + added_mass + local_stiffness", 34),  # alone or with one body, the loss is found elsewhere
+    ("local_stiffness + support_stiffness + added_mass", 34),  # two of them fit at p = 0.01
     ("one_sided + sensor_gain", 741972093010),  # its parameters are determined by the shapes
     ("one_sided + sensor_gain", 940100006),  # begun with nothing lost, at its bound, the stretch had not been found
     ("built frame: one_sided", 2984462508001),  # hidden by an assumed error of 0.2 % of frequencies

@@ -1,6 +1,6 @@
 """Cells of the confusion matrix: detectable causes, undetectable ones, pairs, changes outside the catalogue."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,6 +62,13 @@ PAIRS = (
     f"{ONE_SIDED} + sensor_gain",
     "added_mass + sensor_position",
 )
+TRIPLES = (
+    "added_mass + added_mass + local_stiffness",
+    "added_mass + added_mass + sensor_polarity",
+    "added_mass + local_stiffness + sensor_gain",
+    "added_mass + support_stiffness + sensor_gain",
+    "local_stiffness + support_stiffness + added_mass",
+)
 FILES = tuple(f"file: {name}" for name in FILE)
 _OF_ANY_FILE = (
     *("nothing", "added_mass", "local_stiffness", "sensor_gain", "sensor_polarity", "sensor_swap", "sensor_position"),
@@ -86,7 +93,7 @@ ELSEWHERE = (
     ),
     "portal: joint_stiffness",
 )  #: the grid's supports are rigid
-CELLS = (*CAUSES, ONE_SIDED, *OF_DEVICES, "nothing", "small", *PAIRS, *OUTSIDE, *SOLIDS, *FILES)
+CELLS = (*CAUSES, ONE_SIDED, *OF_DEVICES, "nothing", "small", *PAIRS, *TRIPLES, *OUTSIDE, *SOLIDS, *FILES)
 N_BEFORE, N_AFTER = 8, 5  # windows
 _COMMON = (
     3e-3  # of all frequencies together, that a day may bring: not to be distinguished from a global cause this small
@@ -104,7 +111,7 @@ class Case:
     """One draw of a cell."""
 
     cell: str
-    kind: str  #: "detectable", "nothing", "small", "two" or "outside"
+    kind: str  #: "detectable", "nothing", "small", "two", "three" or "outside"
     seed: int
     done: Done
     coarse: Coarse | None = None  #: the mesh of the structure file, if it is another than the shipped one
@@ -155,8 +162,9 @@ def draw(cell: str, seed: int, *, noise: str = "law") -> Case:
     if name in OUTSIDE:
         return Case(cell=cell, kind="outside", seed=seed, done=_large(OUTSIDE[name], state, random, noise))
     if "+" in name:
-        first, second = (causes[one] for one in name.split(" + "))
-        return Case(cell=cell, kind="two", seed=seed, done=_both(first, second, state, random, noise))
+        several = [causes[one] for one in name.split(" + ")]
+        kind = {2: "two", 3: "three"}[len(several)]
+        return Case(cell=cell, kind=kind, seed=seed, done=_together(several, state, random, noise))
     return Case(cell=cell, kind="detectable", seed=seed, done=_large(causes[name], state, random, noise))
 
 
@@ -246,13 +254,17 @@ def _thinner(zone: Zone, share: float) -> Zone:
     return replace(zone, mass=zone.mass * share, **left)
 
 
-def _both(first: Do, second: Do, state: State, random: Random, noise: str) -> Done:
-    """Do both, each of which alone can be detected; nothing is taken off."""
+def _together(several: Sequence[Do], state: State, random: Random, noise: str) -> Done:
+    """Do several, each of which can be detected after those before it; nothing is taken off."""
     while True:
-        one = _large(first, state, random, noise)
-        two = _large(second, one.after, random, noise)
-        if one.before is state and two.before is one.after and _apart(one.hidden[0], two.hidden[0], state):
-            return Done(state, two.after, one.hidden + two.hidden)
+        made = Done(state, state, ())
+        for do in several:
+            one = _large(do, made.after, random, noise)
+            if one.before is not made.after or not all(_apart(h, one.hidden[0], state) for h in made.hidden):
+                break
+            made = Done(state, one.after, made.hidden + one.hidden)
+        else:
+            return made
 
 
 def _apart(one: Hidden, two: Hidden, state: State) -> bool:
