@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tomlkit
 
@@ -10,7 +11,9 @@ from monitor.errors import SettingsError
 from monitor.settings.reading import parse_settings
 from monitor.settings.redaction import redacted_topic
 from monitor.settings.schema import Settings
-from updater import Structure, parse_structure
+
+if TYPE_CHECKING:
+    from updater import Structure
 
 
 def parse_attached(text: str, path: Path | str = "SITE.toml") -> Settings:
@@ -30,7 +33,7 @@ def parse_attached(text: str, path: Path | str = "SITE.toml") -> Settings:
     return parse_settings(attachable(text), path)
 
 
-def attached_structure(text: str, source: str = "structure.toml") -> Structure | None:
+def attached_structure(text: str, source: str = "structure.toml") -> "Structure | None":
     """Return the structure of the text that is attached to a log; None for an empty one: the site has none.
 
     Raises
@@ -38,7 +41,11 @@ def attached_structure(text: str, source: str = "structure.toml") -> Structure |
     StructureError
         Naming the source, if it cannot be used.
     """
-    return parse_structure(text, source) if text else None
+    if not text:
+        return None
+    from updater import parse_structure  # slow to import
+
+    return parse_structure(text, source)
 
 
 def has_settings(attached: Mapping[str, str]) -> bool:

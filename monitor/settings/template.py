@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 from monitor.settings.device import DeviceSettings
 from monitor.settings.reading import section_of
 from monitor.settings.schema import Settings
-from monitor.settings.section import Section
+from monitor.settings.section import Section, descriptions
 
 _WIDTH = 110
 _HEAD = """\
@@ -43,7 +43,8 @@ EXAMPLE = Settings(
 def annotated(settings: Settings = EXAMPLE) -> str:
     """Return settings as TOML that reads back equal, each with its description; secrets as `**********`."""
     plain = {name: field for name, field in Settings.model_fields.items() if section_of(field.annotation) is None}
-    blocks = ["\n".join(_setting(name, field, getattr(settings, name)) for name, field in plain.items())]
+    meaning = descriptions(Settings)
+    blocks = ["\n".join(_setting(name, field, getattr(settings, name), meaning[name]) for name, field in plain.items())]
     for name, field in Settings.model_fields.items():
         section = section_of(field.annotation)
         if section is None:
@@ -60,14 +61,14 @@ def _table(head: str, section: type[Any], given: Section | None) -> Iterator[str
     """Yield a section, then those inside it; one that is not given has a # before all its lines."""
     comment = _comment(section.__doc__ or "")
     lines = [comment, head if given else f"#{head}"]
-    inner = []
+    inner, meaning = [], descriptions(section)
     for name, field in section.model_fields.items():
         below = section_of(field.annotation)
         value = getattr(given, name) if given else None
         if below is not None:
             inner.append((f"[{head.strip('[]')}.{name}]", below, value))
         else:
-            lines.append(_setting(name, field, value))
+            lines.append(_setting(name, field, value, meaning[name]))
     yield "\n".join(lines)
     for head_below, below, value in inner:
         yield from _table(head_below, below, value)
@@ -79,8 +80,8 @@ def _given(head: str, section: Section) -> str:
     return "\n".join([head, *(f"{name} = {_toml(value)}" for name, value in values.items())])
 
 
-def _setting(name: str, field: FieldInfo, value: Any) -> str:  # noqa: ANN401 - of any setting
-    comment = _comment(field.description or "")
+def _setting(name: str, field: FieldInfo, value: Any, description: str) -> str:  # noqa: ANN401 - of any setting
+    comment = _comment(description)
     if value is None:
         default = None if field.is_required() else field.default
         shown = (field.examples or [None])[0] if default is None or (default == () and field.examples) else default

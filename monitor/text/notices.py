@@ -3,8 +3,6 @@
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args
 
-from monitor.text.notice_template import TemplateFailure, render_bounded, render_trusted
-
 NoticeKind = Literal["alarm", "update", "recovery", "acknowledged", "flapping", "trouble", "trend"]
 
 DEFAULT_TEMPLATE = """\
@@ -77,6 +75,8 @@ def message(notices: list[Notice], template: str | None = None, others: int = 0)
 
 
 def _rendered(notices: list[Notice], template: str | None, others: int) -> str:
+    from monitor.text.notice_template import TemplateFailure  # slow to import, as the others inside functions
+
     try:
         return render(notices, template, others)
     except TemplateFailure as error:
@@ -91,6 +91,8 @@ def render(notices: list[Notice], template: str | None = None, others: int = 0) 
     TemplateFailure
         If the template uses undefined names, or more time, memory or output than permitted.
     """
+    from monitor.text.notice_template import render_bounded, render_trusted
+
     context = _context(notices, others)
     if template is None:
         return render_trusted(DEFAULT_TEMPLATE, context).strip()
@@ -114,6 +116,8 @@ def check_template(template: str) -> None:
     ValueError
         Naming the fault.
     """
+    from monitor.text.notice_template import TemplateFailure, render_bounded
+
     kinds: tuple[NoticeKind, ...] = get_args(NoticeKind)
     notices = [Notice(kind=kind, site="site", time=0, utc="then", state="alarm", text="so") for kind in kinds]
     try:

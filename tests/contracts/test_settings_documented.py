@@ -8,16 +8,18 @@ from pydantic import BaseModel
 from docs._site.program import settings
 from monitor.settings import Settings
 from monitor.settings.reading import section_of
+from monitor.settings.section import descriptions
 
 
 def fields_of(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, str, str]]:
     """Yield section, key and meaning of all settings."""
+    meanings = descriptions(model)
     for name, field in model.model_fields.items():
         section = section_of(field.annotation)
         if section:
             yield from fields_of(section, f"{prefix}.{name}".lstrip("."))
         else:
-            yield prefix, name, field.description or ""
+            yield prefix, name, meanings.get(name, "")
 
 
 @pytest.fixture(scope="module")
