@@ -146,7 +146,9 @@ class Recording:
 
 def find_gaps(channels: tuple[Channel, ...], data: FloatArray) -> tuple[Gap, ...]:
     """Return the stretches in which a device lacks a sample of any of its channels; data (n_samples, n_channels)."""
-    return tuple(_find_gaps(channels, np.isnan(data)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        may_lack = np.isnan(data.sum())  # also where infinite samples have both signs
+    return tuple(_find_gaps(channels, np.isnan(data))) if may_lack else ()
 
 
 def _find_gaps(channels: tuple[Channel, ...], missing: npt.NDArray[np.bool_]) -> Iterator[Gap]:

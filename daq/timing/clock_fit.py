@@ -40,7 +40,7 @@ class ClockFit:
     """
 
     def __init__(self, rate: float) -> None:
-        self._rate = rate
+        self._rate, self._scans = rate, max(int(_BIN * rate), 1)  # scans: of a bin
         self._pairs: deque[tuple[int, int]] = deque()  # (index, lateness [ns]) of the earliest arrival of each second
         self._origin: int | None = None  # arrival of index 0 at the nominal rate [ns UTC]
         self._line: tuple[float, float] | None = None  # fit of the present pairs, once requested
@@ -54,20 +54,15 @@ class ClockFit:
         """Take one pair: this scan had arrived at this time [ns UTC]."""
         if self._origin is None:
             self._origin = time - round(index / self._rate * 1e9)
-        late = time - self._origin - round(index / self._rate * 1e9)
-        scans = max(int(_BIN * self._rate), 1)
-        same = self._pairs and index // scans == self._pairs[-1][0] // scans
-        if same and late >= self._pairs[-1][1]:
-            news = False
-        else:
-            news = True
+        late, pairs = time - self._origin - round(index / self._rate * 1e9), self._pairs
+        same = pairs and index // self._scans == pairs[-1][0] // self._scans
+        if not same or late < pairs[-1][1]:
             if same:
-                self._pairs.pop()
-            self._pairs.append((index, late))
-        while (index - self._pairs[0][0]) / self._rate > _SPAN:
-            self._pairs.popleft()
-            news = True
-        if news:
+                pairs.pop()
+            pairs.append((index, late))
+            self._line = None
+        while (index - pairs[0][0]) / self._rate > _SPAN:
+            pairs.popleft()
             self._line = None
 
     def line(self) -> tuple[float, float, int]:

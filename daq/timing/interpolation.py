@@ -72,9 +72,8 @@ def _in_blocks(columns: FloatArray, first: float, step: float, ratio: float, out
     begin = base.astype(np.intp) - half + 1
     done = (off >= -fraction.min(1)[cell]) & (off < 1 - fraction.max(1)[cell])  # samples between the same two scans
     done &= (begin >= 0) & (begin + span <= n_scans)
-    missing = np.isnan(columns.sum(0))
-    if missing.any():
-        before = np.append(0, np.cumsum(missing))
+    if np.isnan(columns.sum()):
+        before = np.append(0, np.cumsum(np.isnan(columns.sum(0))))
         done[done] = before[begin[done] + span] == before[begin[done]]
     windows = sliding_window_view(columns, span, axis=1)
     blocks = out[:, : n_blocks * _BLOCK].reshape(len(columns), n_blocks, _BLOCK)

@@ -1,8 +1,6 @@
 """Blocks of many devices on one grid: a function of the sequence of blocks and events, and of nothing else."""
 
-import itertools
 import math
-from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
@@ -12,23 +10,23 @@ import numpy as np
 from daq.events import DeviceFailed
 from daq.timing.clock_fit import ClockFit
 from daq.timing.interpolation import half_taps, interpolate
+from daq.timing.scan_runs import ScanRun
 from daq.types import Block, BoolArray, Channel, Event, Flag, FloatArray, IndexArray, Recording, find_gaps
 
 _LITTLE = 0.1  # of a window: where all devices are silent for longer, it is a pause between records
 _PIECE = 1 << 16  # samples at a time, which bounds the memory
 _SETTLE_SECONDS = 2.0  # s of arrivals before a clock is used; by then it errs by far less
-_SHORT = 1000  # scans of a block, below which numpy's calls take longer than its work
 _PAUSE_SCANS = 64  # before the scan that ends a pause: more than the kernel reaches
 
 NO_DELAYS: Mapping[str, float] = MappingProxyType({})  #: device -> delay [s]
 
 
 class _Stretch:
-    """Blocks and clock of one device from one start to the next; `late` is its delay [ns]."""
+    """Scans and clock of one device from one start to the next; `late` is its delay [ns]."""
 
     def __init__(self, clock: ClockFit, late: int) -> None:
         self.clock, self._late = clock, late
-        self.blocks: deque[Block] = deque()
+        self.runs: deque[ScanRun] = deque()
 
     def index_at(self, time: int) -> tuple[float, float]:
         """Return the (fractional) scan at a time [ns UTC], the delay removed, and scans per second of UTC there."""
@@ -40,38 +38,26 @@ class _Stretch:
 
     def add(self, block: Block) -> None:
         self.clock.add(block.arrival_index, block.arrival_time)
-        self.blocks.append(block)
+        if self.runs and self.runs[-1].is_continued_by(block):
+            self.runs[-1].add(block)
+        else:
+            self.runs.append(ScanRun(block))
 
     def forget(self, index: float) -> None:
         """Drop blocks that end before a scan, but for the last one."""
-        while len(self.blocks) > 1 and self.blocks[0].end_index < index:
-            self.blocks.popleft()
+        while len(self.runs) > 1 and self.runs[0].end < index:
+            self.runs.popleft()
+        self.runs[0].forget(index)
 
-    def scans(
-        self, first: int, last: int, axes: IndexArray, among: Sequence[Block] = (), out: FloatArray | None = None
-    ) -> FloatArray:
-        """Return scans first .. last - 1 of some axes in m/s2 (n_axes, n), NaN where one is missing; of some blocks."""
+    def scans(self, first: int, last: int, axes: IndexArray, out: FloatArray | None = None) -> FloatArray:
+        """Return scans first .. last - 1 of some axes in m/s2 (n_axes, n), NaN where one is missing."""
         out = np.empty((len(axes), last - first)) if out is None else out
-        blocks = [block for block in among or self.blocks if block.first_index < last and block.end_index > first]
-        many = _SHORT * len(blocks) > last - first  # they are joined before they are scaled
-        whole = many and _are_alike(blocks, int(axes[-1]))
-        if whole and blocks[0].first_index <= first and blocks[-1].end_index >= last:
-            begin = first - blocks[0].first_index
-            counts = np.concatenate([block.counts.T for block in blocks], axis=1)[axes, begin : begin + last - first]
-            np.multiply(counts, blocks[0].scale, out=out)
-            return out
         written = first
-        for block in blocks:
-            start, stop = max(first, block.first_index), min(last, block.end_index)
+        for run in self.runs:
+            start, stop = max(first, run.first), min(last, run.end)
             if start < stop:
                 out[:, written - first : max(start, written) - first] = np.nan
-                part = block.counts[start - block.first_index : stop - block.first_index].T
-                there = axes < len(part)
-                target = out[:, start - first : stop - first]
-                if there.all():
-                    np.multiply(part[axes], block.scale, out=target)
-                else:
-                    target[there], target[~there] = part[axes[there]] * block.scale, np.nan
+                run.write(start, axes, out[:, start - first : stop - first])
                 written = max(written, stop)
         out[:, written - first :] = np.nan
         return out
@@ -79,37 +65,26 @@ class _Stretch:
     def resample(self, start: int, rate: float, ratio: float | None, axes: IndexArray, out: FloatArray) -> bool:
         """Write scans on a grid (n_axes, n); return False if there is none near it. Without a ratio they lie on it."""
         (first, scan_rate), n = self.index_at(start), out.shape[1]
+        pieces = [slice(begin, min(begin + _PIECE, n)) for begin in range(0, n, _PIECE)]
         if ratio is None:
-            self.scans(round(first), round(first) + n, axes, out=out)
+            for piece in pieces:
+                self.scans(round(first) + piece.start, round(first) + piece.stop, axes, out[:, piece])
             return True
         step, half = scan_rate / rate, half_taps(ratio)
 
-        def needed(begin: int, m: int) -> tuple[int, int]:
-            """Return the first scan of m samples, and the one after their last."""
-            return math.floor(first + begin * step) - half, int(first + (begin + m - 1) * step) + half + 2
+        def needed(piece: slice) -> tuple[int, int]:
+            """Return the first scan of a piece of the grid, and the one after its last."""
+            return math.floor(first + piece.start * step) - half, int(first + (piece.stop - 1) * step) + half + 2
 
-        low, high = needed(0, n)
-        if not any(block.first_index < high and block.end_index > low for block in self.blocks):
+        low, high = needed(slice(0, n))
+        if not any(run.first < high and run.end > low for run in self.runs):
             return False
-        blocks = list(self.blocks)
-        ends = [block.end_index for block in blocks]
-        for begin in range(0, n, _PIECE):
-            m = min(_PIECE, n - begin)
-            low, high = needed(begin, m)
-            some = blocks[max(bisect_left(ends, low) - 1, 0) : bisect_left(ends, high) + 2]
-            scans = self.scans(low, high, axes, some).T
-            interpolate(scans, first + begin * step - low, step, m, ratio, out[:, begin : begin + m].T)
+        for piece in pieces:
+            low, high = needed(piece)
+            scans = self.scans(low, high, axes).T
+            at = first + piece.start * step - low
+            interpolate(scans, at, step, piece.stop - piece.start, ratio, out[:, piece].T)
         return True
-
-
-def _are_alike(blocks: Sequence[Block], axis: int) -> bool:
-    """Return whether blocks follow each other without a gap, have an axis and one scale."""
-    if not blocks or min(block.counts.shape[1] for block in blocks) <= axis:
-        return False
-    return all(
-        after.first_index == before.end_index and after.scale == before.scale
-        for before, after in itertools.pairwise(blocks)
-    )
 
 
 class _Device:
@@ -166,24 +141,24 @@ class _Device:
     def first_time(self) -> int:
         """Time from which on there can be samples [ns UTC]."""
         stretch = self._stretches[-1]
-        return stretch.time_at(stretch.blocks[0].first_index + self._half)
+        return stretch.time_at(stretch.runs[0].first + self._half)
 
     @property
     def end_time(self) -> int:
         """Time before which there can be samples, unless more blocks come [ns UTC]."""
         stretch = self._stretches[-1]
-        return stretch.time_at(stretch.blocks[-1].end_index - self._half)
+        return stretch.time_at(stretch.runs[-1].end - self._half)
 
     @property
     def temperatures(self) -> list[float]:
-        return [block.temperature for stretch in self._stretches for block in stretch.blocks]
+        return [value for stretch in self._stretches for run in stretch.runs for value in run.temperatures]
 
     def reaches(self, time: int) -> bool:
         """Return whether all scans needed for samples before `time` are available."""
         if not self._stretches:
             return False
         stretch = self._stretches[-1]
-        end = stretch.blocks[-1].end_index
+        end = stretch.runs[-1].end
         if self._awaited[0] == time and end < self._awaited[1] - _SETTLE_SECONDS * self._rate:
             return False  # far before it: the clock need not be fitted again
         needed = stretch.index_at(time)[0] + self._half
@@ -194,10 +169,10 @@ class _Device:
         """Return the time of the first scan that is not before `time`, None if there is none."""
         return next(
             (
-                max(time, stretch.time_at(block.first_index))
+                max(time, stretch.time_at(run.first))
                 for stretch in self._stretches
-                for block in stretch.blocks
-                if stretch.time_at(block.end_index) > time
+                for run in stretch.runs
+                if stretch.time_at(run.end) > time
             ),
             None,
         )
@@ -206,7 +181,7 @@ class _Device:
         """Drop blocks that end well before `time`."""
         for stretch in self._stretches:
             stretch.forget(stretch.index_at(time)[0] - 2 * self._half)
-        while len(self._stretches) > 1 and self._stretches[1].time_at(self._stretches[1].blocks[0].first_index) < time:
+        while len(self._stretches) > 1 and self._stretches[1].time_at(self._stretches[1].runs[0].first) < time:
             self._stretches.popleft()
 
     def resample(self, start: int, out: FloatArray) -> None:
@@ -354,7 +329,8 @@ class Assembler:
             signal = data[own[0] : own[-1] + 1] if are_rows else np.empty((len(device.axes), n))
             device.resample(start, signal)
             for axis in signal:
-                there |= np.isfinite(axis)
+                if not there.all():
+                    there |= np.isfinite(axis)
             if not are_rows:
                 data[own] = signal[np.searchsorted(device.axes, axes)]
         return data.T, there

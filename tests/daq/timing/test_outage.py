@@ -79,7 +79,7 @@ def test_assembler_buffers_no_more_than_one_window() -> None:
     target = assembler()
     for block in blocks(0, 120):
         list(target.push(block))
-        held = [len(s.blocks) for device in target._devices.values() for s in device._stretches]
+        held = [len(r) for device in target._devices.values() for s in device._stretches for r in s.runs]
         assert sum(held) <= 4 * 4 + 3  # a window, and the blocks that its edges cut
 
 
