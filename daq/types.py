@@ -28,7 +28,7 @@ class Flag(IntFlag):
     RESTARTED = 4  #: first block after the device was (re)connected; its index has a new origin
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, init=False)
 class Block:
     """Consecutive scans of one device, as the driver read them and as the log stores them."""
 
@@ -43,14 +43,37 @@ class Block:
     flags: Flag = Flag.NONE
     clock: str = ""  #: clock of the indices, if devices share it: one index is one instant for all of them
 
-    def __post_init__(self) -> None:
+    def __init__(  # logs have many blocks: that of a frozen dataclass sets one field after another, in twice the time
+        self,
+        *,
+        device: str,
+        rate: float,
+        first_index: int,
+        counts: IntArray,
+        scale: float,
+        arrival_index: int,
+        arrival_time: int,
+        temperature: float,
+        flags: Flag = Flag.NONE,
+        clock: str = "",
+    ) -> None:
         """Refuse invalid values."""
-        if self.counts.ndim != 2 or self.counts.dtype != np.int32:
+        if counts.ndim != 2 or counts.dtype != np.int32:
             raise ValueError(
-                f"counts of {self.device}: expected int32 (n_scans, n_axes), found "
-                f"{self.counts.dtype} {self.counts.shape}"
+                f"counts of {device}: expected int32 (n_scans, n_axes), found {counts.dtype} {counts.shape}"
             )
-        object.__setattr__(self, "temperature", float(np.float32(self.temperature)))  # as the log stores it
+        vars(self).update(
+            device=device,
+            rate=rate,
+            first_index=first_index,
+            counts=counts,
+            scale=scale,
+            arrival_index=arrival_index,
+            arrival_time=arrival_time,
+            temperature=float(np.float32(temperature)),  # as the log stores it
+            flags=flags,
+            clock=clock,
+        )
 
     @property
     def n_scans(self) -> int:

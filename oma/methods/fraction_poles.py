@@ -11,7 +11,8 @@ shapes by least squares once the poles are known.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft, linalg
+import scipy  # its parts at their first use
+from numpy import fft
 
 from daq import FloatArray, IndexArray
 from oma.methods.matrix_fraction import HalfSpectrum, MatrixFraction, ridged
@@ -120,7 +121,8 @@ def _kernel(fraction: MatrixFraction, spectrum: HalfSpectrum, n_lags: int, part:
     right = np.einsum("jab,pb->jap", fraction.denominator.reshape(-1, n, n), fraction.vector[part])
     wanted = (powers[:-1, None] * fraction.left_vector[part].T).reshape(free, len(part))
     left = np.zeros_like(right)
-    left[:-1] = linalg.solve(ridged(fraction.normal[:free, :free]), wanted, assume_a="pos").reshape(-1, n, len(part))
+    solved = scipy.linalg.solve(ridged(fraction.normal[:free, :free]), wanted, assume_a="pos")
+    left[:-1] = solved.reshape(-1, n, len(part))
     (right_hat, right_rest), (left_hat, left_rest) = (_residual(fraction, spectrum, c) for c in (right, left))
     weight = spectrum.weight[spectrum.used][:, None, None, None]
     lines = np.zeros((*spectrum.values.shape, len(part)), dtype=np.complex128)
@@ -144,5 +146,5 @@ def _residual(
     values = np.tensordot(powers, coefficients, axes=1)
     projected = np.tensordot(fraction.projected, coefficients.reshape(-1, coefficients.shape[2]), axes=1)
     flat = projected.reshape(fraction.power + 1, -1)
-    numerator = linalg.solve_triangular(fraction.factor, flat, trans="T", lower=True).reshape(projected.shape)
+    numerator = scipy.linalg.solve_triangular(fraction.factor, flat, trans="T", lower=True).reshape(projected.shape)
     return values, spectrum.values[spectrum.used] @ values - np.tensordot(powers, numerator, axes=1)

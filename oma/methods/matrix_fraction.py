@@ -17,10 +17,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft, linalg
+import scipy  # its parts at their first use
+from numpy import fft
 
 from daq import FloatArray
 from oma.preparation import BoolArray
+from oma.spectral import fast_length
 from oma.types import ComplexArray
 
 _RIDGE = 1e-10  # of the mean diagonal: lines of a part of the circle leave powers nearly dependent
@@ -69,7 +71,7 @@ def half_spectrum(correlation: FloatArray, band: tuple[float, float]) -> HalfSpe
     band : (float, float)
         Lines with a weight, as a share of the rate [-].
     """
-    n_fft = fft.next_fast_len(2 * len(correlation))
+    n_fft = fast_length(2 * len(correlation))
     values = np.asarray(fft.fft(correlation, n_fft, axis=0))
     frequency = np.abs(fft.fftfreq(n_fft))
     used = (frequency > band[0]) & (frequency < band[1])
@@ -113,9 +115,9 @@ def _normal_equations(spectrum: HalfSpectrum, power: int) -> tuple[FloatArray, F
     gram = n_fft * fft.ifft(weight).real[difference]
     products = n_fft * fft.ifft(weighted, axis=0).real[difference]
     squares = n_fft * fft.ifft(np.matmul(values.conj().transpose(0, 2, 1), weighted), axis=0).real[difference]
-    factor = linalg.cholesky(ridged(gram), lower=True, check_finite=False)
+    factor = scipy.linalg.cholesky(ridged(gram), lower=True, check_finite=False)
     flat = products.transpose(0, 2, 1, 3).reshape(power + 1, -1)
-    projected = linalg.solve_triangular(factor, flat, lower=True, check_finite=False)
+    projected = scipy.linalg.solve_triangular(factor, flat, lower=True, check_finite=False)
     size = (power + 1) * n_references
     return (
         np.asarray(factor),
@@ -133,7 +135,7 @@ def _matrix_fraction(power: int, factor: FloatArray, projected: FloatArray, norm
     """Solve one order: the highest coefficient is the identity, which puts poles of noise outside the stable ones."""
     n = len(normal) // (power + 1)
     free = power * n
-    lower = -linalg.solve(ridged(normal[:free, :free]), normal[:free, free:], assume_a="pos", check_finite=False)
+    lower = -scipy.linalg.solve(ridged(normal[:free, :free]), normal[:free, free:], assume_a="pos", check_finite=False)
     companion = np.eye(free, k=n)
     companion[-n:] = -lower.reshape(power, n, n).transpose(1, 0, 2).reshape(n, free)
     root, right = (part.astype(np.complex128) for part in np.linalg.eig(companion))

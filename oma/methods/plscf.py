@@ -18,7 +18,8 @@ from functools import cache
 from typing import ClassVar
 
 import numpy as np
-from scipy import fft, linalg
+import scipy  # its parts at their first use
+from numpy import fft
 
 from daq import FloatArray
 from oma.mac import mac_matrix, normalise
@@ -86,12 +87,12 @@ def _denominator_move(fraction: MatrixFraction, spectrum: HalfSpectrum, move: Fl
     cross = np.matmul(spectrum.values.conj().transpose(0, 2, 1), weighted)
     squares = n_fft * fft.ifft(cross + cross.conj().transpose(0, 2, 1), axis=0).real[difference]
     flat = products.transpose(0, 2, 1, 3).reshape(len(lag), -1)
-    projected = linalg.solve_triangular(fraction.factor, flat, lower=True, check_finite=False)
+    projected = scipy.linalg.solve_triangular(fraction.factor, flat, lower=True, check_finite=False)
     moved, still = projected.reshape(len(lag) * n_channels, -1), fraction.projected.reshape(len(lag) * n_channels, -1)
     whole = squares.transpose(0, 2, 1, 3).reshape(len(lag) * n, -1) @ fraction.denominator
     whole -= moved.T @ (still @ fraction.denominator) + still.T @ (moved @ fraction.denominator)
     free = fraction.power * n
-    return np.asarray(-linalg.solve(ridged(fraction.normal[:free, :free]), whole[:free], assume_a="pos"))
+    return np.asarray(-scipy.linalg.solve(ridged(fraction.normal[:free, :free]), whole[:free], assume_a="pos"))
 
 
 def _seen_by_vectors(fraction: MatrixFraction, move: FloatArray) -> ComplexArray:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import linalg
 
 from daq import FloatArray
 from oma.types import ComplexArray
@@ -33,13 +32,9 @@ class Subspace:
         """The subspace in coordinates in which all orders are parts of one model."""
         usable = max(int(np.count_nonzero(self.values > _LEAST_VALUE * self.values[0])), 1)
         left, weight = self.left[:, :usable], self.right[:, :usable] / self.values[:usable]
-        up, factor = linalg.qr(left[: -self.n_channels], mode="economic", check_finite=False)
-        left, weight = (
-            linalg.solve_triangular(factor, matrix.T, trans="T", check_finite=False).T for matrix in (left, weight)
-        )
-        return Basis(
-            up=np.asarray(up, np.float64), down=left[self.n_channels :], output=left[: self.n_channels], weight=weight
-        )
+        up, factor = np.linalg.qr(left[: -self.n_channels])
+        left, weight = (np.linalg.solve(factor.T, matrix.T).T for matrix in (left, weight))
+        return Basis(up=up, down=left[self.n_channels :], output=left[: self.n_channels], weight=weight)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

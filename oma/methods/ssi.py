@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy import linalg
 
 from daq import FloatArray
 from oma.errors import TooFewChannels
@@ -161,13 +160,12 @@ class DataSSI(CovarianceSSI):
         future = _root(covariance(correlation, rows))
         before = _root(covariance(correlation[:, past][:, :, past].transpose(0, 2, 1), rows))
         whole = hankel(correlation[:, :, past], first_lag, rows)
-        half = linalg.solve_triangular(future, whole, lower=True, check_finite=False)
-        white = linalg.solve_triangular(before, half.T, lower=True, check_finite=False).T
+        white = np.linalg.solve(before, np.linalg.solve(future, whole).T).T
         left, values, right = leading_svd(white, rank, powers=3, flat=True)
         return Subspace(
             left=future @ left,
             values=values,
-            right=linalg.solve_triangular(before, right, trans="T", lower=True, check_finite=False),
+            right=np.asarray(np.linalg.solve(before.T, right), np.float64),
             n_channels=n_channels,
             rate=rate,
         )
@@ -242,7 +240,7 @@ def leading_svd(matrix: FloatArray, rank: int, powers: int, *, flat: bool) -> tu
     rank = min(rank, *matrix.shape)
     width = rank + _OVERSAMPLING
     if min(matrix.shape) <= (powers + 1) * width:
-        left, values, right = linalg.svd(matrix, full_matrices=False, check_finite=False)
+        left, values, right = np.linalg.svd(matrix, full_matrices=False)
         return left[:, :rank], values[:rank], right[:rank].T
     block = matrix @ np.random.default_rng(0).standard_normal((matrix.shape[1], width))
     blocks = [np.linalg.qr(block)[0]]
@@ -250,11 +248,10 @@ def leading_svd(matrix: FloatArray, rank: int, powers: int, *, flat: bool) -> tu
         blocks.append(np.linalg.qr(matrix @ (matrix.T @ blocks[-1]))[0])
     basis = np.linalg.qr(np.concatenate(blocks, axis=1))[0] if flat else blocks[-1]
     small = basis.T @ matrix
-    squares, left = linalg.eigh(
-        small @ small.T, subset_by_index=[len(small) - rank, len(small) - 1], check_finite=False
-    )
-    values = np.sqrt(np.maximum(squares[::-1], np.finfo(np.float64).tiny))
-    return basis @ left[:, ::-1], values, small.T @ (left[:, ::-1] / values)
+    squares, left = np.linalg.eigh(small @ small.T)
+    left = left[:, : -rank - 1 : -1]
+    values = np.sqrt(np.maximum(squares[: -rank - 1 : -1], np.finfo(np.float64).tiny))
+    return basis @ left, values, small.T @ (left / values)
 
 
 def _root(matrix: FloatArray) -> FloatArray:
@@ -266,11 +263,12 @@ def _root(matrix: FloatArray) -> FloatArray:
     """
     floor = _FLOOR * np.linalg.norm(matrix) * np.eye(len(matrix))  # largest variance <= norm <= a few times that
     try:
-        return np.asarray(linalg.cholesky(matrix + floor, lower=True, check_finite=False))
-    except linalg.LinAlgError:
-        values, vectors = linalg.eigh(matrix, check_finite=False)
+        root = np.linalg.cholesky(matrix + floor)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(matrix)
         possible = (vectors * np.maximum(values, 0)) @ vectors.T
-        return np.asarray(linalg.cholesky(possible + floor, lower=True, check_finite=False))
+        root = np.linalg.cholesky(possible + floor)
+    return np.asarray(root, np.float64)
 
 
 def _references(names: Sequence[str] | None, channels: Sequence[str]) -> Sequence[int]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import linalg
+import scipy  # its parts at their first use
 
 from daq import FloatArray
 
@@ -122,12 +122,12 @@ def _fit(values: FloatArray, used: BoolArray) -> Autoregression:
     now = values[ORDER:][used]
     gram = past.T @ past
     gram += _RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram))
-    weights = linalg.solve(gram, past.T @ now, assume_a="pos").T
+    weights = scipy.linalg.solve(gram, past.T @ now, assume_a="pos").T
     rest = now - past @ weights.T
     scatter = rest.T @ rest / len(rest)
-    root = linalg.cholesky(scatter + _RIDGE * np.trace(scatter) / n * np.eye(n), lower=True)
+    root = scipy.linalg.cholesky(scatter + _RIDGE * np.trace(scatter) / n * np.eye(n), lower=True)
     filters = np.concatenate([np.eye(n)[None], -weights.reshape(n, ORDER, n).transpose(1, 0, 2)])
-    return Autoregression(np.stack([linalg.solve_triangular(root, f, lower=True) for f in filters]))
+    return Autoregression(np.stack([scipy.linalg.solve_triangular(root, f, lower=True) for f in filters]))
 
 
 def _most_likely(model: Autoregression, values: FloatArray, lost: BoolArray, used: BoolArray) -> FloatArray:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy import fft
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy import fft
 
 from daq import FloatArray
 from oma.preparation.gaps import bridged
@@ -184,15 +184,20 @@ class HighPass:
     def _filter(self, signals: FloatArray, out: FloatArray) -> None:
         """Filter signals (n_channels, n): the solution of the recursion, as a sum with growing weights."""
         assert self._state is not None
-        weight = self._pole ** np.arange(signals.shape[1])
+        rising, falling = _weights(self._pole, self._gain, signals.shape[1])
         np.subtract(signals[:, 1:], signals[:, :-1], out=out[:, 1:])
-        out[:, 0] = signals[:, 0]
-        out *= self._gain
-        out[:, 0] += self._state
-        out /= weight
+        out[:, 0] = signals[:, 0] + self._state / self._gain
+        out *= rising
         np.cumsum(out, axis=1, out=out)
-        out *= weight
+        out *= falling
         self._state = self._pole * out[:, -1] - self._gain * signals[:, -1]
+
+
+@lru_cache(maxsize=4)
+def _weights(pole: float, gain: float, n: int) -> tuple[FloatArray, FloatArray]:
+    """Return the weights (n,) of the differences of a signal, times the gain, and those of their sum."""
+    falling = np.asarray(pole ** np.arange(n), np.float64)
+    return gain / falling, falling
 
 
 def usable_share(data: FloatArray) -> float:

@@ -7,12 +7,11 @@ arch bridge. MSSP 23(2), 316-329.
 Au, S.-K. (2014). Uncertainty law in ambient modal identification, part I: theory. MSSP 48, 15-33.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.cluster import hierarchy
-from scipy.spatial.distance import squareform
 
 from daq import FloatArray
 from oma.mac import mac_matrix
@@ -64,21 +63,28 @@ def groups(
         return [np.arange(len(frequency))] if len(frequency) else []
     difference = np.abs(frequency[:, None] - frequency) / np.maximum(frequency[:, None], frequency)
     distance = difference + np.clip(1 - mac_matrix(shape, shape), 0, None)
-    np.fill_diagonal(distance, 0)
-    return _cut(hierarchy.average(squareform((distance + distance.T) / 2, checks=False)), order, cut)
-
-
-def _cut(tree: FloatArray, order: npt.NDArray[np.intp], cut: float) -> list[npt.NDArray[np.intp]]:
-    """Cut a tree of linkages; poles that are separate in most orders stay apart, however near."""
     orders: list[int] = order.tolist()
     found: dict[int, list[list[int]]] = {i: [[i]] for i in range(len(orders))}
-    for i, (left, right, distance, _) in enumerate(tree.tolist()):
-        parts = found.pop(int(left)) + found.pop(int(right))
-        if distance < cut and len(parts) == 2 and not _side_by_side(*({orders[k] for k in part} for part in parts)):
-            parts = [parts[0] + parts[1]]
-        found[len(orders) + i] = parts
-    (result,) = found.values()
-    return [np.array(sorted(part), np.intp) for part in result]
+    for left, right in _joined((distance + distance.T) / 2, cut):
+        parts = found[left] + found.pop(right)
+        if len(parts) == 2 and not _side_by_side(*({orders[k] for k in part} for part in parts)):
+            parts = [parts[0] + parts[1]]  # poles that are separate in most orders stay apart, however near
+        found[left] = parts
+    return [np.array(sorted(part), np.intp) for parts in found.values() for part in parts]
+
+
+def _joined(distance: FloatArray, cut: float) -> Iterator[tuple[int, int]]:
+    """Yield the pairs that average linkage joins up to a mean distance, nearest first; the second joins the first."""
+    n = len(distance)
+    np.fill_diagonal(distance, np.inf)
+    size = np.ones(n)
+    while distance.flat[nearest := int(distance.argmin())] < cut:
+        left, right = divmod(nearest, n)
+        yield left, right
+        mean = (size[left] * distance[left] + size[right] * distance[right]) / (size[left] + size[right])
+        distance[left] = distance[:, left] = mean
+        distance[left, left] = distance[right] = distance[:, right] = np.inf
+        size[left] += size[right]
 
 
 def _side_by_side(a: set[int], b: set[int]) -> bool:

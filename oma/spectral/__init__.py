@@ -24,3 +24,4 @@ from oma.spectral.spectra import SpectrumAccumulator as SpectrumAccumulator
 from oma.spectral.spectra import singular_values as singular_values
 from oma.spectral.spectra import singular_values_of_clean as singular_values_of_clean
 from oma.spectral.spectra import spectral_matrix as spectral_matrix
+from oma.spectral.transforms import fast_length as fast_length

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import linalg
+import scipy  # its parts at their first use
 
 from daq import FloatArray
 
@@ -185,7 +185,7 @@ def _solved(jacobian: FloatArray, ridge: float | FloatArray, right: FloatArray) 
     scale = 1 / np.sqrt(np.diag(fisher))
     level = scale[:, None] * fisher * scale + _RELATIVE_RIDGE * np.eye(len(scale))
     columns = right.reshape(len(scale), -1) * scale[:, None]
-    return np.asarray((scale[:, None] * linalg.solve(level, columns, assume_a="pos")).reshape(right.shape))
+    return np.asarray((scale[:, None] * scipy.linalg.solve(level, columns, assume_a="pos")).reshape(right.shape))
 
 
 def _scales(theta: FloatArray, windowed: Windowed) -> tuple[FloatArray, FloatArray]:

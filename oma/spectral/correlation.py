@@ -5,11 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy import fft
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy import fft
 
 from daq import FloatArray, IndexArray
 from oma.errors import IdentificationError
+from oma.spectral.transforms import fast_length
 from oma.types import ComplexArray
 
 _PIECE = 3  # lag spans in a piece of one FFT: the overlap costs little, the transforms stay short
@@ -157,7 +158,7 @@ def _lagged_counts(there: FloatArray, n_lags: int) -> FloatArray:
 
 def _length(n_samples: int, n_lags: int) -> int:
     """Return the length of a transform: a piece of a few lag spans, and the lag span before it."""
-    return int(fft.next_fast_len(max(min(_PIECE * n_lags, n_samples), 1) + n_lags - 1, real=True))
+    return fast_length(max(min(_PIECE * n_lags, n_samples), 1) + n_lags - 1, real=True)
 
 
 def _cross_spectra(values: FloatArray, length: int, n_lags: int, references: IndexArray) -> ComplexArray:

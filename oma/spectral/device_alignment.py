@@ -14,11 +14,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import fft
+from numpy import fft
 
 from daq import FloatArray, IndexArray, Recording
 from oma.preparation import PASS, BoolArray, bridged, detrended_pieces, usable
 from oma.spectral.spectra import SpectrumAccumulator
+from oma.spectral.transforms import fast_length
 from oma.types import ComplexArray
 
 _LARGEST = 0.01  # s: delay that is looked for
@@ -192,7 +193,7 @@ def _transform(lines: ComplexArray, reach: int) -> ComplexArray:
     """
     k, m = np.arange(lines.shape[1]), np.arange(-reach, reach + 1)
     lag = np.arange(m[0] - k[-1], m[-1] - k[0] + 1)
-    size = fft.next_fast_len(len(lag) + len(k) - 1)
+    size = fast_length(len(lag) + len(k) - 1)
     chirped = fft.fft(lines * _chirp(k), size, axis=1) * fft.fft(_chirp(lag).conj(), size)
     return np.asarray(fft.ifft(chirped, axis=1)[:, len(k) - 1 : len(lag)] * _chirp(m))
 
@@ -237,7 +238,7 @@ def _advanced(signal: FloatArray, n: float) -> FloatArray:
     missing = np.isnan(signal)
     pad = int(abs(n)) + _MARGIN
     padded = np.pad(bridged(signal[:, None], missing[:, None])[:, 0], pad, mode="edge")
-    size = fft.next_fast_len(len(padded), real=True)
+    size = fast_length(len(padded), real=True)
     turned = fft.rfft(padded, size) * np.exp(2j * np.pi * fft.rfftfreq(size) * n)
     moved = np.asarray(fft.irfft(turned, size)[pad : pad + len(signal)])
     spoilt = np.convolve(np.pad(missing, pad, constant_values=True), np.ones(2 * pad + 1), mode="valid") > 0

@@ -25,12 +25,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft
+from numpy import fft
 
 from daq import FloatArray
 from oma.preparation import BoolArray, bridged
 from oma.selection import BAND, Selection, uncertainty_law
 from oma.spectral.narrow_band import LineTest, line_test
+from oma.spectral.transforms import fast_length
 from oma.types import ComplexArray, ModalEstimate
 
 _AT_ONCE = 2  # shapes, which bounds the memory
@@ -192,7 +193,7 @@ def _variation(lines: ComplexArray, complete: BoolArray, centre: float, half_wid
     """Return the variance of the power of a band's envelope over its mean squared; centre and width in lines."""
     reach = max(half_width, _MIN_LINES)
     first, last = max(round(centre - reach), 1), min(round(centre + reach), len(lines) - 1)
-    n = fft.next_fast_len(4 * (last - first + 1))  # so many points that the power, of twice the band, is resolved
+    n = fast_length(4 * (last - first + 1))  # so many points that the power, of twice the band, is resolved
     band = np.zeros(n, dtype=np.complex128)
     band[: last - first + 1] = lines[first : last + 1]
     power = np.abs(fft.ifft(band)) ** 2

@@ -16,10 +16,11 @@ as tests whose level needs no asymptotics.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft
+from numpy import fft
 
 from daq import FloatArray
 from oma.preparation import BoolArray
+from oma.spectral.transforms import fast_length
 from oma.types import ComplexArray
 
 _EDGE = 3  # samples at the ends that the low-pass spoils
@@ -100,7 +101,7 @@ def _demodulated(lines: ComplexArray, centre: int, reach: int) -> ComplexArray:
 
 def _highest_line(signal: ComplexArray) -> float:
     """Return the frequency at which one sinusoid takes most power [rad per sample]."""
-    n = fft.next_fast_len(_PADDING * len(signal))
+    n = fast_length(_PADDING * len(signal))
     size = np.abs(fft.fft(signal, n))
     k = int(np.argmax(size))
     before, at, after = size[k - 1], size[k], size[(k + 1) % n]

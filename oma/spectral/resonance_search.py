@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy  # its parts at their first use
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy import linalg, special
 
 from daq import FloatArray
 from oma.mac import mac, mpc, normalise
@@ -156,7 +156,7 @@ def _fitted(
         return None
     fit, lines = seen
     gain = fit.gain * _n_periodograms(parts, duration)
-    if gain < float(special.chdtri(4, _CHANCE / len(parts.matrix))) / 2:
+    if gain < float(scipy.special.chdtri(4, _CHANCE / len(parts.matrix))) / 2:
         return None
     return SpectralResonance(
         pole=fit.pole,
@@ -285,5 +285,5 @@ def residue_weight(parts: Decomposition, one: SpectralResonance, found: Sequence
     basis = np.column_stack((*bells, np.ones(bells.shape[1]), np.linspace(-1, 1, bells.shape[1])))
     scale = np.linalg.norm(basis, axis=0)
     weight = 1 / np.maximum(parts.values[one.lines, 0], 1e-300)
-    operator = (linalg.pinv(basis / scale * weight[:, None])[0] * weight) / scale[0]
+    operator = (scipy.linalg.pinv(basis / scale * weight[:, None])[0] * weight) / scale[0]
     return np.asarray(operator)

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from numpy import fft
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy import fft
 
 from daq import FloatArray, Recording
 from oma.errors import IdentificationError, TooShort
@@ -281,7 +281,7 @@ def singular_values_of_clean(recording: Recording, n_fft: int = 4096) -> tuple[F
     accumulator = SpectrumAccumulator(data.shape[1], recording.rate, n_fft)
     accumulator.add_pieces(detrended_pieces(data, accumulator.at_once))
     values = np.linalg.eigvalsh(_one_sided(accumulator.sums))[:, ::-1]
-    return fft.rfftfreq(n_fft, 1 / recording.rate), np.maximum(values, 0).astype(np.float64)
+    return np.asarray(fft.rfftfreq(n_fft, 1 / recording.rate), np.float64), np.maximum(values, 0).astype(np.float64)
 
 
 def spectral_matrix(data: FloatArray, rate: float, n_fft: int) -> ComplexArray:

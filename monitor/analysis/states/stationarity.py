@@ -15,10 +15,11 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import pairwise
+from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import chdtrc, ndtri
+import scipy  # its parts at their first use
 
 from daq import FloatArray, IndexArray, Recording
 from monitor.text.quantities import utc
@@ -111,7 +112,7 @@ def frequency_change(
     std = np.hypot(after.frequency_std / after.frequency, before.frequency_std / before.frequency)
     square = float(np.sum((shift / (_STD_FACTOR * std)) ** 2))
     most = _LIKELY if step.probability < _FALSE_CHANGE else _FALSE_CHANGE
-    if not len(shift) or chdtrc(len(shift), square) > most:
+    if not len(shift) or scipy.special.chdtrc(len(shift), square) > most:
         return None
     return FrequencyChange(time=step.time, time_std=step.time_std, before=before, after=after)
 
@@ -183,7 +184,7 @@ def _normal_scores(row: FloatArray) -> FloatArray:
     values, ordered = row[known], np.sort(row[known])
     twice = np.searchsorted(ordered, values, "left") + np.searchsorted(ordered, values, "right")
     score = np.zeros(len(row))
-    score[known] = ndtri(twice / 2 / len(values))
+    score[known] = list(map(NormalDist().inv_cdf, (twice / 2 / len(values)).tolist()))
     return score
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import cholesky, solve_triangular
+import scipy  # its parts at their first use
 
 from daq import FloatArray, IndexArray
 from updater.modal_data.states.series import WindowSeries
@@ -156,8 +156,8 @@ class _StepTest(WindowSeries):
         without, with_step = -np.inf, np.full((n, n), -np.inf)
         for variance, constant in _MOVEMENTS:
             covariance = self.error * np.eye(n) + variance * np.exp(-apart / constant) + prior
-            root = cholesky(covariance, lower=True)
-            white = solve_triangular(root, columns, lower=True)
+            root = scipy.linalg.cholesky(covariance, lower=True)
+            white = scipy.linalg.solve_triangular(root, columns, lower=True)
             one = white[:, 0] / np.linalg.norm(white[:, 0])
             rest = white[:, 1:] - np.outer(one, one @ white[:, 1:])
             likelihood = -np.log(np.diag(root)).sum() - np.log(np.linalg.norm(white[:, 0]))

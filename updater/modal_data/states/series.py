@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from scipy.special import fdtrc
+import scipy  # its parts at their first use
 
 from daq import FloatArray, IndexArray
 from updater.modal_data.tracked import COMMON_STD, TrackedModes
@@ -76,7 +76,7 @@ class WindowSeries:
     def chance(self, ratio: float) -> float:
         """Return the probability of so large a sum over the modes of twice the log likelihood ratio."""
         p = self.y.shape[1]
-        return float(fdtrc(p, self.freedom, ratio / p))
+        return float(scipy.special.fdtrc(p, self.freedom, ratio / p))
 
     def environment(self, axis: FloatArray) -> FloatArray:
         """Return the prior covariance (n, n) of temperature and weather along a unit vector (p,)."""
