@@ -4,12 +4,10 @@ import ast
 import inspect
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Any
 from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, ValidationInfo, field_validator
-from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema
 
 Positive = Annotated[float, Field(gt=0)]
 _SMALLEST, _LARGEST = 1e-20, 1e9  # of a number with a fraction that is not 0
@@ -43,7 +41,11 @@ class Section(Table):
     model_config = ConfigDict(hide_input_in_errors=True)  # it may be a secret
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+    def __get_pydantic_json_schema__(
+        cls,
+        schema: Any,  # noqa: ANN401 - of pydantic_core
+        handler: GetJsonSchemaHandler,
+    ) -> dict[str, Any]:
         """Return the JSON Schema with the descriptions of the fields."""
         found = handler(schema)
         properties = handler.resolve_ref_schema(found)["properties"]
