@@ -21,6 +21,7 @@ from daq.types import Block, Channel, FloatArray, Recording, find_gaps
 _LARGEST = (1 << 30) - 1  # count
 _MIN_SCALE = float(np.finfo(float).tiny)  # smallest scale [m/s2 per count] with finite quotients
 _BLOCK_SECONDS = 1.0
+_TABLES = (".csv", ".txt")  # endings of tables
 _ROWS = 10_000  # of a table that are written at once
 
 
@@ -133,9 +134,9 @@ def export_recording(path: Path | str, recording: Recording) -> None:
     """
     path = Path(path)
     known = format_of(path)
-    if known is not None and not known.writes:
-        written = ", ".join(ending for one in FORMATS if one.writes for ending in one.endings)
-        raise DataError(path, f"{known.name} cannot be written; .csv, {written} can")
+    if not (known.writes if known else path.suffix.lower() in _TABLES):
+        written = ", ".join((*_TABLES, *(ending for one in FORMATS if one.writes for ending in one.endings)))
+        raise DataError(path, f"{known.name if known else path.suffix or 'no ending'} cannot be written; {written} can")
     with writing(path, DataError):
         path.open("xb").close()
         try:

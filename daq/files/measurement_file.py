@@ -202,7 +202,11 @@ def columns_to_read(
     left = tuple(signal for signal in signals if options.columns is None and foreign(signal, options))
     if len(left) == len(signals):
         return signals, warm, ()
-    return tuple(s for s in signals if s not in left), warm, tuple(signal.column for signal in left)
+    return (
+        tuple(s for s in signals if s not in left),
+        warm,
+        tuple(f"{signal.column} (no unit of motion)" for signal in left),
+    )
 
 
 def _table(path: Path, options: DataOptions) -> Columns:

@@ -10,6 +10,7 @@ from monitor.analysis.time_range import TimeRange
 from monitor.cli.logs.run_log import one_log
 from monitor.cli.options import DONE
 from monitor.cli.terminal import echo, files_of_logs, progress
+from monitor.text.quantities import counted
 from monitor.views.run import late_devices
 
 
@@ -26,8 +27,8 @@ def export_signals(paths: Sequence[Path], out: Path, within: TimeRange) -> int:
         export_recording(out, recordings[0])
     found = recordings[0]
     echo(
-        f"{out}: {len(found.channels)} channels, {found.duration:.6g} s at {found.rate:g} Hz, "
-        f"{len(found.gaps)} gaps; it starts at {found.start} ns UTC"
+        f"{out}: {counted(len(found.channels), 'channel')}, {found.duration:.6g} s at {found.rate:g} Hz, "
+        f"{counted(len(found.gaps), 'gap')}; it starts at {found.start} ns UTC"
     )
     _say_late(late)
     return DONE

@@ -192,7 +192,7 @@ def test_columns_are_chosen_with_or_without_unit_in_name(tmp_path: Path) -> None
         read_data(path, columns={"a": "x", "a [g]": "y"})
     found = read_measured(path, DataOptions())
     assert [c.name for c in found.recording.channels] == ["a", "b"]
-    assert found.remarks[1] == "columns left out: c (left), c (right)"
+    assert found.remarks[1] == "columns left out: c (left) (no unit of motion), c (right) (no unit of motion)"
     with pytest.raises(
         DataError, match=r"column 'c \(left\)': expected the unit m/s2, .*, found 'left': give the unit"
     ):

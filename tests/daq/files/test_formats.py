@@ -319,9 +319,17 @@ def test_exported_file_is_imported_with_devices_and_start(tmp_path: Path, ending
 def test_export_to_a_format_that_is_only_read_is_refused(tmp_path: Path, known: object) -> None:
     path = tmp_path / f"beam{known.endings[0]}"  # type: ignore[attr-defined]
     recording = Recording(channels=(Channel(name="a", device="d", axis=0),), data=DATA[:, :1], rate=RATE, start=0)
-    with pytest.raises(DataError, match=r"cannot be written; \.csv, \.npz, \.mat, \.uff, .*\.parquet, .* can"):
+    with pytest.raises(DataError, match=r"cannot be written; \.csv, \.txt, \.npz, \.mat, \.uff, .*\.parquet, .* can"):
         export_recording(path, recording)
     assert not path.exists()
+
+
+def test_export_with_an_unknown_ending_is_refused(tmp_path: Path) -> None:
+    recording = Recording(channels=(Channel(name="a", device="d", axis=0),), data=DATA[:, :1], rate=RATE, start=0)
+    for path, found in ((tmp_path / "beam.xyz", ".xyz"), (tmp_path / "beam", "no ending")):
+        with pytest.raises(DataError, match=rf"{found} cannot be written; \.csv"):
+            export_recording(path, recording)
+        assert not path.exists()
 
 
 @pytest.mark.parametrize("ending", ENDINGS)

@@ -147,7 +147,7 @@ def test_catman_table_has_a_line_of_units(tmp_path: Path) -> None:
     assert [c.name for c in found.recording.channels] == ["left", "right"]
     np.testing.assert_allclose(found.recording.data, DATA * [G, 1.0], rtol=1e-12)
     assert found.recording.rate == 200.0
-    assert found.remarks[-1] == "columns left out: DMS 1 [µm/m]"
+    assert found.remarks[-1] == "columns left out: DMS 1 [µm/m] (no unit of motion)"
 
 
 @pytest.mark.parametrize("form", ["{:.2f} {:.4f} {:.4f}", "{:.2f},{:.4f},{:.4f}", "{:.2f}\t{:.4f}\t{:.4f}"])
@@ -175,7 +175,8 @@ def test_foreign_columns_are_left_out_with_a_remark(tmp_path: Path) -> None:
     path.write_text("\n".join([",time [s],left,status,force [kN],humidity [%],event", *rows]))
     found = read_measured(path, DataOptions())
     assert [c.name for c in found.recording.channels] == ["left"]
-    left = "without a name: 1, status (text), event (text), force [kN], humidity [%]"
+    united = [f"{one} (no unit of motion)" for one in ("force [kN]", "humidity [%]")]
+    left = ", ".join(["without a name: 1, status (text), event (text)", *united])
     assert found.remarks == (f"columns left out: {left}",)
 
 

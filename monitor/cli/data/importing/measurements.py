@@ -24,6 +24,7 @@ from monitor.cli.options import DONE
 from monitor.cli.terminal import echo, progress, warn
 from monitor.errors import ArgumentError
 from monitor.service.site import Site, load_site
+from monitor.text.quantities import counted
 from updater import parse_structure
 from updater.structure import portable_text
 
@@ -98,8 +99,8 @@ def _say(out: Path, recordings: Sequence[Recording], parts: Sequence[Measured], 
     gaps = [gap for recording in recordings for gap in recording.gaps]
     seconds, rate = sum(recording.duration for recording in recordings), recordings[0].rate
     echo(
-        f"{out}: {len(recordings[0].channels)} channels, {seconds:.6g} s at {rate:.6g} Hz, "
-        f"{len(gaps)} gaps ({sum(gap.stop - gap.start for gap in gaps)} samples){level(recordings)}"
+        f"{out}: {counted(len(recordings[0].channels), 'channel')}, {seconds:.6g} s at {rate:.6g} Hz, "
+        f"{counted(len(gaps), 'gap')} ({sum(gap.stop - gap.start for gap in gaps)} samples){level(recordings)}"
     )
     if len(recordings) > 1:
         echo(_sequence(recordings))
