@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from updater.modal_data.conditions import KnownMass as KnownMass
     from updater.modal_data.conditions import OpeningEvidence as OpeningEvidence
     from updater.modal_data.conditions import Signals as Signals
+    from updater.modal_data.conditions import Sites as Sites
     from updater.modal_data.conditions import Trend as Trend
     from updater.modal_data.conditions import tone_ratios as tone_ratios
     from updater.modal_data.conditions import trend_of as trend_of

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from daq import FloatArray, Recording
+from daq import FloatArray, IndexArray, Recording
 from oma import ChannelFault
 from updater.modal_data.tracked import ModalMean, TrackedModes
 
@@ -52,20 +52,42 @@ class Signals:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class OpeningEvidence:
-    """Evidence of the signals that a loss of stiffness opens and closes, by its place."""
+class Sites:
+    """Places of losses of stiffness, and the axes about which stiffness is lost there."""
 
-    position: FloatArray  #: (n_places, 3) tested [m]
-    log_ratio: FloatArray  #: (n_places,) log likelihood ratio to a linear structure
-    reach: float  #: smallest distance of tested places [m]
+    path: IndexArray  #: (n,) number of the member, or of the connection
+    distance: FloatArray  #: (n,) from the start of the member, 0 of a connection [m]
+    share: FloatArray  #: (n, 3) flexibility that is added about each axis, over that about the most affected one [-]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OpeningEvidence:
+    """Evidence of the signals that a loss of stiffness opens and closes, by its place and axis.
+
+    The likelihood under the action about each axis is a smooth function of the place on a member.
+    """
+
+    path: IndexArray  #: (n_places,) tested; as for `Sites`
+    distance: FloatArray  #: (n_places,) [m]
+    log_ratio: FloatArray  #: (n_places, 3) log likelihood ratio to a linear structure, 0 about axes that are not tested
     n_tests: int = 0  #: number of tests of all losses, by which the p value of a place found with them is multiplied
 
-    def at(self, position: FloatArray) -> FloatArray:
-        """Return the log likelihood ratio (n,) at positions (n, 3) [m], linear between places, zero beyond them."""
-        distance = np.linalg.norm(position[:, None] - self.position, axis=2)
-        weight = np.maximum(1 - distance / self.reach, 0.0)
-        total = weight.sum(1)
-        return np.asarray(weight @ self.log_ratio / np.where(total > 0, total, 1.0))
+    def at(self, sites: Sites) -> FloatArray:
+        """Return the log likelihood ratio (n,): linear between tested places, constant beyond, zero on other paths.
+
+        Half of all losses open and close, about one axis each, with a probability in proportion to the flexibility that
+        is added about it.
+        """
+        of_axes = np.zeros(sites.share.shape)
+        for path in np.unique(self.path):
+            tested, here = np.flatnonzero(self.path == path), sites.path == path
+            tested = tested[np.argsort(self.distance[tested])]
+            for axis, known in enumerate(self.log_ratio[tested].T):
+                of_axes[here, axis] = np.interp(sites.distance[here], self.distance[tested], known)
+        total = sites.share.sum(1)
+        most = np.maximum(of_axes.max(1), 0.0)
+        opens = (sites.share * np.exp(of_axes - most[:, None])).sum(1) / np.where(total > 0, total, 1.0)
+        return np.where(total > 0, most + np.log((opens + np.exp(-most)) / 2), 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,10 +118,10 @@ class Circumstances:
     opening: Mapping[str, OpeningEvidence] = field(default_factory=dict)  #: by the name of the loss of stiffness
     steady: bool = True  #: whether the event's windows are of one state (`updater.modal_data.states.stationarity`)
 
-    def opening_at(self, cause: str, position: FloatArray) -> FloatArray:
-        """Return the log likelihood ratio (n,) of opening and closing to none for a cause at positions (n, 3) [m]."""
+    def opening_at(self, cause: str, sites: Sites) -> FloatArray:
+        """Return the log likelihood ratio (n,) of opening and closing to none for losses of a cause."""
         found = self.opening.get(cause)
-        return np.zeros(len(position)) if found is None else found.at(position)
+        return np.zeros(len(sites.path)) if found is None else found.at(sites)
 
 
 NOTHING_KNOWN = Circumstances()

@@ -43,12 +43,11 @@ from updater.validation.nonlinear_part import (
     Loss,
     LossTests,
     SignalWindow,
-    probable_places,
-    spacing,
 )
 
 _APART = 0.015  # of the longest member: distance of places that are tried
 _MAX_PLACES = 12
+_TRIED = 2000  # alternatives, the most probable first
 _MODEL_STD = 0.1  # of a share, relative: moments that are not Gaussian, errors of shapes (simulated cracks, docs)
 _THRESHOLDS = np.linspace(-1.5, 1.5, 13)  # m0 over the standard deviation of the moment
 
@@ -164,10 +163,18 @@ def with_cracks(structure: Structure, openings: Sequence[Opening]) -> Structure:
 
 
 def _places(cause: Loss, part: Fit[Any]) -> list[int]:
-    """Return the alternatives that are tried: of springs the best one alone."""
+    """Return the best alternative at each probable place, the best of all first; of springs the best one alone."""
+    found = [part.best]
     if isinstance(cause, Springs):
-        return [part.best]
-    return probable_places(cause, part, apart=spacing(cause, _APART), most=_MAX_PLACES)
+        return found
+    density, points = part.log_density + cause.log_prior, cause.places(part.theta, np.arange(len(part.theta)))
+    apart = _APART * max(member.length for member in cause.reference.structure.member)
+    for row in np.argsort(-density)[:_TRIED]:
+        if density[row] < density[part.best] - PROBABLE or len(found) == _MAX_PLACES:
+            break
+        if np.linalg.norm(points[found] - points[row], axis=1).min() > apart:
+            found.append(int(row))
+    return found
 
 
 def _rounded(quantity: Quantity) -> float:

@@ -6,8 +6,8 @@ Price, R. (1958). A useful theorem for nonlinear devices having Gaussian inputs.
 69-72 (the mean flexibility is P c).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy  # its parts at their first use
@@ -17,10 +17,9 @@ from oma import ComplexArray
 from oma.spectral import spectral_matrix
 from updater.causes import LocalStiffness, Springs
 from updater.errors import ModalDataError
-from updater.inference import Comparison, Effect, Fit, no_effect, reanalyse
+from updater.inference import Comparison, Effect, no_effect, reanalyse
 from updater.modal_data import ModalMean
 from updater.quantities import NonlinearGain, Quantity
-from updater.structure import ON_MEMBER
 from updater.validation.response.modal_system import NYQUIST, ModalSystem, band_about, damping_of_all
 from updater.validation.virtual_sensors import gapless_part
 
@@ -31,8 +30,7 @@ _PARTS = 8  # of a block, each weighted by the power of its signals
 _SEGMENTS, _LOOKS = 24, 3  # of half a record for its spectral matrix, at least: in all, and per channel
 _FEWEST_CHANNELS = 3
 _AT_ONCE = 2000  # lines whose matrices are in memory
-_ONE_ACTION = 0.1  # share of the largest action's flexibility from which another one is tested
-_TRIED = 2000  # alternatives, the most probable first
+ONE_AXIS = 0.1  #: flexibility about an axis, over that about the most affected one, from which it is tested
 PROBABLE = 10.0  #: of log density: a less probable place is left out
 _LEAST = 1e-9  # of the power at a line, added to every channel
 _NOISE = 0.25  # quantile of the eigenvalues of the spectral matrix that is taken for noise
@@ -46,57 +44,35 @@ _LEAST_UNKNOWN = 0.05  # standard deviation of r over that of s, at least
 Loss = LocalStiffness | Springs  #: causes that may open and close
 
 
-def spacing(cause: Loss, share: float) -> float:
-    """Return the distance of places that are tested [m]; of connections, less than that of any two.
-
-    Parameters
-    ----------
-    share : of the longest member [-]
-    """
-    if isinstance(cause, Springs):
-        return ON_MEMBER
-    return share * max(member.length for member in cause.reference.structure.member)
-
-
-def probable_places(cause: Loss, part: Fit[Any], *, apart: float, most: int) -> list[int]:
-    """Return the best alternative at each probable place, the best of all first.
-
-    Parameters
-    ----------
-    part : fit of the cause
-    apart : smallest distance of places [m]
-    most : number of places
-    """
-    density, points = part.log_density + cause.log_prior, cause.places(part.theta, np.arange(len(part.theta)))
-    found = [part.best]
-    for row in np.argsort(-density)[:_TRIED]:
-        if density[row] < density[part.best] - PROBABLE or len(found) == most:
-            break
-        if np.linalg.norm(points[found] - points[row], axis=1).min() > apart:
-            found.append(int(row))
-    return found
-
-
 @dataclass(frozen=True, eq=False)
 class Action:
     """Action at a place, such as a bending moment, scaled so that its square is its part of the added flexibility."""
 
+    axis: int  #: about local y or z, or in twist, of a member; about or along an axis of a connection
     value: FloatArray  #: (n_modes,) of the reference's modes over omega^2
     relief: float  #: flexibility before self-stress has shifted the load, over that after [-]
 
 
-def actions_of(comparison: Comparison, effect: Effect) -> list[Action]:
-    """Return the actions that make up an added flexibility: at one place it is the sum of their squares."""
+def actions_of(comparison: Comparison, effects: Sequence[Effect], least: float = 0.0) -> list[Action]:
+    """Return the actions whose squares make up added flexibilities, one of each axis at most.
+
+    Parameters
+    ----------
+    effects : of a loss about each axis alone
+    least : flexibility that an action has at least, over that of the largest [-]
+    """
     paired, n = comparison.paired, len(comparison.frequency)
     omega = 2 * np.pi * comparison.frequency[paired]
-    added = effect.flexibility[0]
-    value, vector = np.linalg.eigh(omega[:, None] * added[np.ix_(paired, paired)] * omega)
-    found = []
-    for k in np.flatnonzero(value > _ONE_ACTION * np.abs(value).max()):
-        across = omega * vector[:, k]
-        alone = float(across @ effect.compliance[0, :n, :n][np.ix_(paired, paired)] @ across)
-        found.append(Action(added[:, paired] @ across / np.sqrt(value[k]), alone / float(value[k])))
-    return found
+    found, size = list[Action](), list[float]()
+    for axis, effect in enumerate(effects):
+        added = effect.flexibility[0]
+        values, vectors = np.linalg.eigh(omega[:, None] * added[np.ix_(paired, paired)] * omega)
+        value, across = float(values[-1]), omega * vectors[:, -1]
+        if value > 0:
+            alone = float(across @ effect.compliance[0, :n, :n][np.ix_(paired, paired)] @ across)
+            found.append(Action(axis, added[:, paired] @ across / np.sqrt(value), alone / value))
+            size.append(value)
+    return [action for action, value in zip(found, size, strict=True) if value > least * max(size)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -359,23 +335,34 @@ class LossTests:
             return None
         return cls(cause, damping, window, None if earlier is None else (earlier, states[1]))
 
-    def at(self, theta: FloatArray, row: int, prior: float = 0.0, *, at_best: bool = False) -> "list[ActionTest]":
-        """Return a test of each action of an alternative; none if it is no loss.
+    def at(
+        self,
+        theta: FloatArray,
+        row: int,
+        prior: float = 0.0,
+        *,
+        share: FloatArray | None = None,
+        at_best: bool = False,
+    ) -> "list[ActionTest]":
+        """Return a test of the action about each axis of an alternative; none if it is no loss.
 
         Parameters
         ----------
         theta : (n_parameters,)
         row : alternative of the cause
         prior, at_best : as for `ActionTest`
+        share : (3,) of the loss about each axis for which actions are tested; None for those of the alternative
         """
-        comparison = self._cause.comparison
-        effect = self._cause.effect(theta[None], np.array([row]))
+        comparison, rows = self._cause.comparison, np.array([row])
+        effect = self._cause.effect(theta[None], rows)
+        own = self._cause.axis_shares(theta[None], rows)[0]
+        tested, least = (own, ONE_AXIS) if share is None else (share, 0.0)
         state = ModalState.of(comparison, effect, self._damping, comparison.log_ratio)
         if self._motion is None:
             self._motion = self.window.modal_motion(state)
         return [
             ActionTest(self.window, state, self._motion, action, prior, at_best=at_best)
-            for action in actions_of(comparison, effect)
+            for action in actions_of(comparison, self._cause.about_axes(theta, row, tested), least)
         ]
 
     def before(self, test: "ActionTest") -> "ActionTest | None":

@@ -11,11 +11,13 @@ from updater.causes import Cause, LocalStiffness, Springs
 from updater.inference import Fit
 from updater.modal_data import ModalMean, OpeningEvidence, Signals
 from updater.quantities import BREATHES
-from updater.validation.nonlinear_part import Loss, LossTests, probable_places, spacing
+from updater.structure import ON_MEMBER
+from updater.validation.nonlinear_part import ONE_AXIS, PROBABLE, Loss, LossTests
 
 _APART, _FINER = 0.06, 0.02  # of the longest member: distance of places; that of places near the significant ones
 _MAX_PLACES = 30  # of one cause, each time
 _LEAST_LOSS = 0.05  # of the logarithm of stiffness: the action of a smaller one, or of a gain, is found with it
+_NOT_TESTED = OpeningEvidence(path=np.empty(0, np.intp), distance=np.empty(0), log_ratio=np.empty((0, 3)))
 _DOUBTFUL = 0.05  # p value in the window alone, above which the window before the change is not tested
 
 
@@ -42,7 +44,7 @@ def opening_evidence(event: ModalMean, parts: Sequence[Fit[Cause]], signals: Sig
     """
     found, n_tests = dict[str, OpeningEvidence](), 0
     for part, tests, evidence, p_values in _of_losses(event, parts, signals):
-        found[part.hypotheses.name], finer = _refined(part, tests, evidence)
+        found[part.hypotheses.name], finer = _with_probable_places(part, tests, evidence, _FINER)
         n_tests += len(p_values) + len(finer)
     return {name: replace(evidence, n_tests=n_tests) for name, evidence in found.items()}
 
@@ -58,48 +60,54 @@ def _of_losses(
             tests = LossTests.of(cause, event, signals.now, signals.before)
             if tests is None:
                 return []
-            found.append((part, tests, *_evidence(part, tests, _APART)))
+            found.append((part, tests, *_with_probable_places(part, tests, _NOT_TESTED, _APART)))
     return found
 
 
-def _evidence(part: Fit[Any], tests: LossTests, share: float) -> tuple[OpeningEvidence, list[float]]:
-    """Return the evidence at the probable places of a cause, and the p value of each test.
+def _with_probable_places(
+    part: Fit[Any], tests: LossTests, known: OpeningEvidence, share: float
+) -> tuple[OpeningEvidence, list[float]]:
+    """Return the evidence with that at all probable places, and the p value of each further test.
+
+    The most probable place by the modes and by the signals at tested places is tested, until none that is farther from
+    these is left.
 
     Parameters
     ----------
+    known : evidence so far
     share : distance of places over the longest member [-]
     """
-    cause, apart = part.hypotheses, spacing(part.hypotheses, share)
-    rows = np.array(probable_places(cause, part, apart=apart, most=_MAX_PLACES))
+    cause: Loss = part.hypotheses
+    found, p_values = known, list[float]()
+    apart = ON_MEMBER  # of connections: each is a path
+    if isinstance(cause, LocalStiffness):
+        apart = share * max(member.length for member in cause.reference.structure.member)
+    by_modes, sites = part.log_density + cause.log_prior, cause.sites(part.theta, np.arange(len(part.theta)))
+    axes = sites.share[by_modes > by_modes.max() - PROBABLE].max(0) >= ONE_AXIS
     theta = _at_least(cause, part.theta)
-    log_ratio, p_values = np.zeros(len(rows)), list[float]()
-    for k, row in enumerate(rows.tolist()):
-        each = list[float]()
-        for test in tests.at(theta[row], row):
+    for _ in range(_MAX_PLACES):
+        density = by_modes + found.at(sites)
+        near = (sites.path[:, None] == found.path) & (np.abs(sites.distance[:, None] - found.distance) < apart)
+        left = np.where(near.any(1), -np.inf, density)
+        row = int(left.argmax())
+        if left[row] < density.max() - PROBABLE:
+            break
+        log_ratio = np.zeros(3)
+        for test in tests.at(theta[row], row, share=axes.astype(float)):
             doubtful = test.against(None)[2] > _DOUBTFUL
             usual = None if doubtful else tests.before(test)
             p_values.append(1.0 if doubtful else test.against(usual)[2])
-            each.append(0.0 if doubtful else test.log_likelihood(usual))
-        if each:
-            closes = float(np.logaddexp.reduce(each)) - np.log(len(each))
-            log_ratio[k] = np.logaddexp(0.0, closes) - np.log(2)
-    return OpeningEvidence(position=cause.places(part.theta[rows], rows), log_ratio=log_ratio, reach=apart), p_values
-
-
-def _refined(part: Fit[Any], tests: LossTests, evidence: OpeningEvidence) -> tuple[OpeningEvidence, list[float]]:
-    """Return the evidence at places that are closer together, the most probable ones by modes and signals.
-
-    The second value has the p value of each further test.
-    """
-    cause = part.hypotheses
-    if isinstance(cause, Springs):
-        return evidence, []
-    own = evidence.at(cause.places(part.theta, np.arange(len(part.theta))))
-    return _evidence(replace(part, log_density=part.log_density + own), tests, _FINER)
+            log_ratio[test.action.axis] = 0.0 if doubtful else test.log_likelihood(usual)
+        found = OpeningEvidence(
+            path=np.append(found.path, sites.path[row]),
+            distance=np.append(found.distance, sites.distance[row]),
+            log_ratio=np.vstack([found.log_ratio, log_ratio]),
+        )
+    return found, p_values
 
 
 def _at_least(cause: Loss, theta: FloatArray) -> FloatArray:
     """Return parameters (n, n_parameters) that are losses: the action at a place does not depend on their size."""
     if isinstance(cause, Springs):
-        return theta
+        return np.maximum(theta, _LEAST_LOSS)
     return np.column_stack([np.maximum(theta[:, 0], _LEAST_LOSS), theta[:, 1:]])

@@ -1,5 +1,6 @@
 """A stretch that has lost stiffness, in a truth whose members are cut and made of two materials."""
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -9,10 +10,12 @@ from daq import FloatArray
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Body, ModalMean, Model, Reference, build_model, diagnose, learn_reference, matched, stack_tracks
-from updater.causes import Cause, JointHypothesis, LocalStiffness, SelectedCause, joint_opening
-from updater.causes.stiffness.local_stiffness import propose_local_stiffness
+from updater.causes import Cause, JointHypothesis, LocalStiffness, SelectedCause, Springs, joint_opening
+from updater.causes.stiffness.connections import propose_support_stiffness
+from updater.causes.stiffness.local_stiffness import SHEAR, propose_local_stiffness
+from updater.causes.stiffness.one_axis_stiffness import propose_one_sided_stiffness
 from updater.diagnosis.weighing import Candidate, evidence_of_signals
-from updater.inference import Fit, compare
+from updater.inference import Comparison, Fit, compare
 from updater.modal_data import Circumstances, OpeningEvidence
 from updater.structure import Member
 
@@ -205,8 +208,7 @@ def test_crack_next_to_the_foot_is_ambiguous_with_the_foot() -> None:
 def test_two_losses_near_one_place_have_the_evidence_of_the_signals_once() -> None:
     """A joint hypothesis has the largest ratio of its losses, not their sum."""
     reference, now = reference_and_event()
-    point = reference.structure.member[0].point(0.3)
-    evidence = OpeningEvidence(position=np.array([point]), log_ratio=np.array([20.0]), reach=1.0)
+    evidence = OpeningEvidence(path=np.array([0]), distance=np.array([0.3]), log_ratio=np.full((1, 3), 20.0))
     silent, opening = (
         propose_local_stiffness(reference, compare(reference, now, circumstances=Circumstances(opening=known)))
         for known in ({}, {"local_stiffness": evidence})
@@ -243,3 +245,22 @@ def test_two_losses_near_one_place_have_the_evidence_of_the_signals_once() -> No
     chosen = tuple(SelectedCause(opening, row, theta[row]) for row in (best, least))
     found = evidence_of_signals(Candidate(chosen, (here, there), log_evidence=0.0, p_value=1.0, chi_square=0.0))
     np.testing.assert_allclose(found, alone[[best, least]], atol=1e-6)  # each by its own place
+
+
+@pytest.mark.parametrize("propose", [propose_local_stiffness, propose_one_sided_stiffness, propose_support_stiffness])
+def test_effects_about_the_axes_add_up_to_that_of_the_loss(
+    propose: Callable[[Reference, Comparison], LocalStiffness | Springs | None],
+) -> None:
+    """With the shares of the alternative, and without a loss in shear."""
+    reference, now = reference_and_event()
+    cause = propose(reference, compare(reference, now))
+    assert cause
+    theta = np.full(cause.prior_std.shape, 0.1)
+    if isinstance(cause, LocalStiffness):
+        theta[3] = -SHEAR
+    for row in (3, len(cause.log_prior) - 1):
+        rows = np.array([row])
+        share = cause.sites(theta[None], rows).share[0]
+        whole = cause.effect(theta[None], rows).compliance
+        parts = [one.compliance for one in cause.about_axes(theta, row, share)]
+        np.testing.assert_allclose(np.sum(parts, axis=0), whole, rtol=1e-9, atol=1e-12 * np.abs(whole).max())

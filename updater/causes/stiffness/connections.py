@@ -15,6 +15,7 @@ from daq import FloatArray, IndexArray
 from updater.causes.base import BoolArray, Cause, Discrete
 from updater.causes.modal_loads import modal_spring_force
 from updater.inference import Comparison, Effect, Fit, common_magnitude, first_order, no_effect
+from updater.modal_data import Sites
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Where
 from updater.reference import Reference
 from updater.structure import (
@@ -89,11 +90,36 @@ class Springs(Discrete):
 
     def opening(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the log likelihood ratio (len(rows),) of opening and closing to none by the signals."""
-        known = self.comparison.circumstances
-        if self.name not in known.opening:
-            return np.zeros(len(rows))
-        lost = ((theta > 0) & self.active[rows]).any(1)
-        return np.where(lost, known.opening_at(self.name, self.places(theta, rows)), 0.0)
+        return self.comparison.circumstances.opening_at(self.name, self.sites(theta, rows))
+
+    def sites(self, theta: FloatArray, rows: IndexArray) -> Sites:
+        """Return the connections; without a loss with no share about any axis."""
+        return Sites(path=self._paths()[rows], distance=np.zeros(len(rows)), share=self.axis_shares(theta, rows))
+
+    def axis_shares(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the flexibility added about or along each axis (len(rows), 3), in usual units over the most."""
+        lost = np.where(self.active[rows], np.maximum(theta, 0.0), 0.0)
+        most = lost.max(1, keepdims=True)
+        return np.asarray(lost / np.where(most > 0, most, 1.0))
+
+    def about_axes(self, theta: FloatArray, row: int, share: FloatArray) -> list[Effect]:
+        """Return the effects of a loss about each axis alone, with a share (3,) of the alternative's largest one."""
+        paths = self._paths()
+        same = paths == paths[row]
+        added = float(theta.max()) * share
+        found = []
+        for a in range(3):
+            with_axis = np.flatnonzero(same & self.active[:, a])
+            couple = self.couple[with_axis[:1], a]  # none where the axis cannot change
+            compliance = added[a] / self.unit[row, a] * np.einsum("pr,ps->rs", couple, couple)
+            found.append(replace(no_effect(1, self.comparison), compliance=compliance[None]))
+        return found
+
+    def _paths(self) -> IndexArray:
+        """Return the first alternative (n,) of the same connection and axes."""
+        first = dict[tuple[int, tuple[Axis, Axis, Axis]], int]()
+        keys = [(id(one), axes) for one, axes in zip(self.connections, self.axes, strict=True)]
+        return np.array([first.setdefault(key, row) for row, key in enumerate(keys)], np.intp)
 
     def places(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the node of each alternative (len(rows), 3) [m]."""

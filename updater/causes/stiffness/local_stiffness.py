@@ -17,6 +17,7 @@ from updater.causes.member_grid import Cells, cut
 from updater.causes.modal_loads import modal_section_forces
 from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut
 from updater.inference import Comparison, Effect, Fit, first_order, log_uniform, no_effect
+from updater.modal_data import Sites
 from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Segment, Structure
@@ -66,10 +67,28 @@ class LocalStiffness(StiffnessLoss, Spread):
 
     def opening(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the log likelihood ratio (len(rows),) of opening and closing to none by the signals."""
-        known = self.comparison.circumstances
-        if self.name not in known.opening:
-            return np.zeros(len(rows))
-        return np.where(theta[:, 0] > 0, known.opening_at(self.name, self.places(theta, rows)), 0.0)
+        return self.comparison.circumstances.opening_at(self.name, self.sites(theta, rows))
+
+    def sites(self, theta: FloatArray, rows: IndexArray) -> Sites:
+        """Return the middles of stretches; of a gain of stiffness with no share about any axis."""
+        lost = (theta[:, :1] > 0) * self.axis_shares(theta, rows)
+        member = self.member[rows]
+        return Sites(path=member, distance=self.middles(theta, rows) * self.cells.length[member], share=lost)
+
+    def axis_shares(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the compliance added about y and z and in twist (len(rows), 3), over the most of them."""
+        del rows
+        return np.ones((len(theta), 3))
+
+    def about_axes(self, theta: FloatArray, row: int, share: FloatArray) -> list[Effect]:
+        """Return the effects of an alternative about y, about z and in twist alone, with a share (3,) of its loss."""
+        rows, (_, compliance) = np.array([row]), flexibility_by_axis(self.reference)
+        more = np.expm1(np.minimum(theta[0], SOFTEST)) * share
+        matrices = [
+            self.matrix(one[None], np.array([[own]]), theta[None], rows)
+            for one, own in zip(compliance[:3], more, strict=True)
+        ]
+        return [replace(no_effect(1, self.comparison), compliance=matrix) for matrix in matrices]
 
     @property
     def prior_std(self) -> FloatArray:
@@ -171,6 +190,12 @@ def start_of(cause: LocalStiffness) -> tuple[FloatArray, FloatArray]:
 def _flexibility(reference: Reference) -> tuple[Cells, FloatArray]:
     """Return the compliance of all stretches, summed from each member's start."""
     return compliances(reference, (slice(3, 6), slice(0, 3)))
+
+
+@lru_cache(maxsize=2)
+def flexibility_by_axis(reference: Reference) -> tuple[Cells, FloatArray]:
+    """Return the compliances of all stretches about y and z, in twist and in shear, summed from each member's start."""
+    return compliances(reference, (slice(4, 5), slice(5, 6), slice(3, 4), slice(0, 3)))
 
 
 def compliances(reference: Reference, actions: tuple[slice, ...]) -> tuple[Cells, FloatArray]:

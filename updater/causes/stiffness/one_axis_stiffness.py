@@ -7,14 +7,19 @@ catalogue.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Cause
-from updater.causes.member_grid import Cells
-from updater.causes.stiffness.local_stiffness import LENGTHS, SHEAR, SOFTEST, LocalStiffness, compliances, start_of
+from updater.causes.stiffness.local_stiffness import (
+    LENGTHS,
+    SHEAR,
+    SOFTEST,
+    LocalStiffness,
+    flexibility_by_axis,
+    start_of,
+)
 from updater.causes.stretches import Kinds, begun, everywhere, may_be_cut
 from updater.inference import Comparison, Fit
 from updater.quantities import Quantity
@@ -64,6 +69,10 @@ class OneSidedStiffness(LocalStiffness):
         shear = np.minimum(SHEAR + theta[:, 3], 1.0)
         return np.stack([np.where(about_z, other, 1.0), np.where(about_z, 1.0, other), twist, shear], axis=1)
 
+    def axis_shares(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the compliance added about y and z and in twist (len(rows), 3), over the most of them."""
+        return self.shares(theta, rows)[:, :3]
+
     def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the shares of stiffness that are lost about the member's local axes and in twist, and the length."""
         lost, std = self._lost(fit)
@@ -102,7 +111,7 @@ def propose_one_sided_stiffness(reference: Reference, comparison: Comparison) ->
     """Return stretches as those of one factor are, about either axis."""
     if not may_be_cut(reference.structure):
         return None
-    cells, compliance = _flexibility(reference)
+    cells, compliance = flexibility_by_axis(reference)
     found = OneSidedStiffness(
         reference=reference,
         comparison=comparison,
@@ -113,9 +122,3 @@ def propose_one_sided_stiffness(reference: Reference, comparison: Comparison) ->
     )
     strength, explained = start_of(found)
     return begun(found, (np.maximum(strength, _BEGUN), explained))
-
-
-@lru_cache(maxsize=2)
-def _flexibility(reference: Reference) -> tuple[Cells, FloatArray]:
-    """Return the compliances of all stretches, summed from each member's start."""
-    return compliances(reference, (slice(4, 5), slice(5, 6), slice(3, 4), slice(0, 3)))
