@@ -48,7 +48,7 @@ from updater.validation.nonlinear_part import (
 _APART = 0.015  # of the longest member: distance of places that are tried
 _MAX_PLACES = 12
 _TRIED = 2000  # alternatives, the most probable first
-_MODEL_STD = 0.1  # of a share, relative: moments that are not Gaussian, errors of shapes (simulated cracks, docs)
+_MODEL_STD = 0.1  # of the nonlinear part, relative: moments that are not Gaussian, errors of shapes (simulated cracks)
 _THRESHOLDS = np.linspace(-1.5, 1.5, 13)  # m0 over the standard deviation of the moment
 
 
@@ -241,8 +241,11 @@ class _Posterior:
         spread = float(weight @ (variance + (share - mean) ** 2))
         cell = float(np.ptp(_THRESHOLDS)) / (len(_THRESHOLDS) - 1)
         resolved = cell * scipy.stats.norm.pdf(0.0)
-        of_time = float(weight @ (often - open_time) ** 2 + resolved**2 / 12) ** 0.5
-        opens = np.array([threshold * test.whole(unknown) for test, threshold, unknown in cells])
+        # a shift of m0 by a share of the moment's deviation changes the nonlinear part by about the same share of it
+        of_model = _MODEL_STD * scipy.stats.norm.pdf(scipy.stats.norm.isf(open_time))
+        of_time = float(weight @ (often - open_time) ** 2 + resolved**2 / 12 + of_model**2) ** 0.5
+        whole = np.array([test.whole(unknown) for test, _, unknown in cells])
+        opens = whole * [threshold for _, threshold, _ in cells]
         threshold = float(weight @ opens)
         best = int(np.argmax(weight))
         test, opening, unknown = cells[best]
@@ -254,7 +257,10 @@ class _Posterior:
                 p_value=p_value,
             ),
             bias=bias[0],
-            threshold=(threshold, float(weight @ (opens - threshold) ** 2 + cell**2 / 12) ** 0.5),
+            threshold=(
+                threshold,
+                float(weight @ ((opens - threshold) ** 2 + (_MODEL_STD * whole) ** 2) + cell**2 / 12) ** 0.5,
+            ),
             best=_Setting(test, opening, unknown, size),
         )
 

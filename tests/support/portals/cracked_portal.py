@@ -1,9 +1,11 @@
 """Portals with a crack that opens and closes: records under random forces.
 
 A hinge in the left post has one stiffness while it is open and another while it is closed. Time is integrated by exact
-transitions of the modes with the open and with the closed crack, ten steps per sample.
+transitions of the modes with the open and with the closed crack, ten steps per sample; a step in which the crack opens
+or closes is divided there.
 """
 
+import itertools
 from dataclasses import dataclass
 from functools import cache
 from typing import Literal
@@ -18,6 +20,7 @@ from tests.support.portals.tube_portal import LEFT, MODULUS, Portal
 #: white noise; the same above `LOW` reduced; half-sine blows from one side at random times
 Force = Literal["white", "low", "blows"]
 RATE, SECONDS, WINDOWS, OVER = 500, 45, 4, 10
+PARTS = 16  # of a step, at one of which the crack opens or closes
 SETTLING = 20  # s
 DAMPING = 0.004
 WHOLE = 1e-3  # m: rotation per moment over E I of a closed crack, next to none
@@ -68,33 +71,47 @@ class CrackedPortal:
         self.at_forces = everywhere[places, np.arange(8) % 3]
         self.jump = self.jump @ shape
 
-    def transition(self, change: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the step of the state, that by modal forces, and what reads the accelerations from the state."""
+    def transitions(self, change: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the state and modal forces over k parts of a step (PARTS + 1, ...), and what reads accelerations."""
         n = len(self.square)
         stiffness = np.diag(self.square) + change * np.outer(self.jump, self.jump)
         damping = np.diag(2 * DAMPING * np.sqrt(self.square))
         rate = np.zeros((3 * n, 3 * n))
         rate[:n, n : 2 * n] = np.eye(n)
         rate[n : 2 * n] = np.hstack([-stiffness, -damping, np.eye(n)])
-        step = scipy.linalg.expm(rate / (RATE * OVER))
-        return step[: 2 * n, : 2 * n], step[: 2 * n, 2 * n :], -self.at_sensors @ np.hstack([stiffness, damping])
+        part = scipy.linalg.expm(rate / (RATE * OVER * PARTS))
+        steps = np.array(list(itertools.accumulate([part] * PARTS, np.matmul, initial=np.eye(3 * n))))
+        return (
+            steps[:, : 2 * n, : 2 * n],
+            steps[:, : 2 * n, 2 * n :],
+            -self.at_sensors @ np.hstack([stiffness, damping]),
+        )
 
     def run(self, force: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
         """Return accelerations (n_steps, n_channels, n_windows), and rotations of the hinge (n_steps, n_windows)."""
         n, (n_steps, _, n_windows) = len(self.square), force.shape
-        (a, b, read), (a_closed, b_closed, read_closed) = map(self.transition, self.change)
-        more = b @ self.at_forces.T, b_closed @ self.at_forces.T
+        # numbers 0 and 1: closed and open
+        (a1, b1, read1), (a0, b0, read0) = map(self.transitions, self.change)
+        a, more = np.array([a0, a1]), np.array([b0, b1]) @ self.at_forces.T
         direct = self.at_sensors @ self.at_forces.T
         # beyond the threshold the spring is another one: its moment continues from there
         push = self.jump * (self.change[0] - self.change[1]) * threshold
-        shift, moved = (b @ push)[:, None], (self.at_sensors @ push)[:, None]
+        shift, moved = np.array([0 * b1, b1]) @ push, (self.at_sensors @ push)[:, None]
         state, motion = np.zeros((2 * n, n_windows)), np.empty((n_steps, len(self.at_sensors), n_windows))
-        turned = np.empty((n_steps, n_windows))
+        turned, rotation = np.empty((n_steps, n_windows)), np.zeros(n_windows)
+        ends = [(a[is_open, -1], more[is_open, -1], shift[is_open, -1][:, None]) for is_open in (1, 0)]
         for k, now in enumerate(force):
-            turned[k] = self.jump @ state[:n]
-            opened = turned[k] > threshold
-            motion[k] = np.where(opened, read @ state + moved, read_closed @ state) + direct @ now
-            state = np.where(opened, a @ state + more[0] @ now + shift, a_closed @ state + more[1] @ now)
+            turned[k], opened = rotation, rotation > threshold
+            motion[k] = np.where(opened, read1 @ state + moved, read0 @ state) + direct @ now
+            after = np.where(opened, *(step @ state + by_force @ now + by_push for step, by_force, by_push in ends))
+            rotation = self.jump @ after[:n]
+            for w in np.flatnonzero((rotation > threshold) != opened):
+                part = round(PARTS * (threshold - turned[k, w]) / (rotation[w] - turned[k, w]))
+                middle = state[:, w]
+                for is_open, parts in ((int(opened[w]), part), (int(not opened[w]), PARTS - part)):
+                    middle = a[is_open, parts] @ middle + more[is_open, parts] @ now[:, w] + shift[is_open, parts]
+                after[:, w], rotation[w] = middle, self.jump @ middle[:n]
+            state = after
         return motion[SETTLING * RATE * OVER :], turned[SETTLING * RATE * OVER :]
 
 
