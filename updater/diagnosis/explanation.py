@@ -268,14 +268,14 @@ def _opening(
     """Return the evidence of the signals for probable losses of stiffness that open and close; empty if none does."""
     if circumstances.signals is None or weighing.reference.nominal is not None:
         return {}
-    most = max(weighing.log_nothing, singles[0].log_evidence)
-    signals, losses = circumstances.signals, [c for c in singles if c.log_evidence > most - _WORTH]
+    signals = circumstances.signals
 
     def evidence() -> Mapping[str, OpeningEvidence]:
-        if not opens_significantly(event, [c.parts[0] for c in losses], signals):
+        every = [with_relaxed_form(weighing, c) for c in singles]  # a crack is most often in one plane
+        most = max(weighing.log_nothing, *(c.log_evidence for c in every))
+        if not opens_significantly(event, [c.parts[0] for c in every if c.log_evidence > most - _WORTH], signals):
             return {}
-        every = [with_relaxed_form(weighing, c) for c in singles]  # places of all losses are compared by the signals
-        return opening_evidence(event, [c.parts[0] for c in every], signals)
+        return opening_evidence(event, [c.parts[0] for c in every], signals)  # places of all losses are compared
 
     return weighing.faults.attempt("the evidence of the signals", evidence) or {}
 
