@@ -280,9 +280,12 @@ class Comparison:
         of_sensors = np.log1p(-(self.common_to_modes**2).sum(0)).sum()
         return float(np.log(diagonal).sum() / self.overdispersion + of_sensors)
 
-    @property
-    def new_at_channels(self) -> FloatArray:
-        """The reference's modes (n_channels, n_modes) at the channels, with the baseline's faults."""
+    @cached_property
+    def baseline_at_channels(self) -> FloatArray:
+        """The reference's modes (n_channels, n_modes) as they were measured, errors of sensors included.
+
+        Those that are not compared are the model's.
+        """
         scaled = self.at_channels.copy()
         length = np.linalg.norm(scaled[:, self.paired], axis=0)
         sign = np.where((self.base * self.model_base).sum(1) < 0, -1.0, 1.0)

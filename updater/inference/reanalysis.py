@@ -300,8 +300,9 @@ def _root(flexibility: FloatArray) -> FloatArray:
 def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effect: Effect) -> Prediction:
     """Return the predicted measurement.
 
-    The measured baseline shape is changed by the change of the reference, then read by the channels; a channel with a
-    delay tau rotates its component of a mode by -2 pi f tau.
+    A changed shape consists of the measured baseline shapes, so that errors of sensors cancel also where a mode takes
+    the shape of another one; it is then read by the channels. A channel with a delay tau rotates its component of a mode
+    by -2 pi f tau.
 
     Parameters
     ----------
@@ -313,18 +314,18 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
     new = np.zeros((len(value), 0, len(comparison.channels)))
     log_damping = effect.log_damping[:, comparison.paired]
     if effect.own.shape[1]:
-        there = comparison.new_at_channels + effect.moved
+        there = comparison.baseline_at_channels + effect.moved
         new = (there @ vector[:, :n_modes, n_compared:]).transpose(0, 2, 1)
         log_damping = log_damping + _damped_by_own(effect, value[:, :n_compared], vector[:, n_modes:, :n_compared])
     new_frequency = value[:, n_compared:] ** -0.5 / (2 * np.pi)
     value, vector = value[:, :n_compared], vector[:, :n_modes, :n_compared]
     old = (2 * np.pi * comparison.frequency[comparison.paired]) ** -2.0
-    shape = (comparison.at_channels @ vector).transpose(0, 2, 1)
-    along = (shape * comparison.model_base).sum(-1, keepdims=True)
+    shape = (comparison.baseline_at_channels @ vector).transpose(0, 2, 1)
+    along = (shape * comparison.base).sum(-1, keepdims=True)
     along = np.where(np.abs(along) < 1e-6, 1e-6, along)
     if effect.moved.any():
         shape = shape + (effect.moved @ vector).transpose(0, 2, 1)
-    true = comparison.base + shape / along - comparison.model_base
+    true = shape / along
     n = true.shape[2]
     read = true @ effect.chain[:, :, :n].transpose(0, 2, 1)
     if effect.chain[:, :, n:].any():

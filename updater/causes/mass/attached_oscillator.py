@@ -351,7 +351,7 @@ def shaking(
     omega_i, and like m across it; the structure shaken there moves by the sum of phi phi_s / (omega_r^2 - omega^2).
     """
     answer = shaken(np.exp(new.log_frequency[mode]), comparison.frequency)
-    shape = (translation * answer) @ comparison.new_at_channels.T
+    shape = (translation * answer) @ comparison.baseline_at_channels.T
     shape = np.where(np.linalg.norm(shape, axis=-1, keepdims=True) > 0, shape, 1.0)
     off = ((beside(new.shape[mode], shape) @ new.whitener[mode].T) ** 2).sum(-1)
     squared = translation[:, :, comparison.paired] ** 2

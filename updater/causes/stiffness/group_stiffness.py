@@ -19,6 +19,7 @@ from updater.quantities import Quantity, Where, vector
 from updater.reference import Reference
 from updater.structure import Structure
 
+_MIN_LOAD = 1e-6  # of the largest diagonal entry: load by a unit translation of a part that is free, by rounding
 _MAX_START = 7.0  # of the compliance relative to the group's own, at the start of a fit
 
 
@@ -34,8 +35,8 @@ class GroupStiffness(StiffnessLoss, Discrete):
     corner: FloatArray  #: (n, 2, 3) least and greatest coordinates of its nodes [m]
     middle: FloatArray  #: (n, 3) mean of its nodes [m]
     compliance: FloatArray  #: (n, n_modes + n_stress, same) of each group
-    #: (n,) whether it has only springs to the ground, which the error of displacements by a mesh concerns; strains of a
-    #: part of the mesh have the error that those of the whole have
+    #: (n,) whether it is connected to the ground, which the error of displacements by a mesh concerns; strains of a part
+    #: of the structure that is free have the error that those of the whole have
     grounded: BoolArray
     begun: FloatArray  #: (n, 1) where the fit begins
     name: str = "local_stiffness"
@@ -130,11 +131,13 @@ def propose_group_stiffness(reference: Reference, comparison: Comparison) -> Gro
 
 
 def _is_grounded(dofs: IntArray, part: sparse.csc_array) -> bool:
-    """Return whether the stiffness of a group couples no two nodes."""
-    node = np.empty(part.shape[0], np.intp)
-    node[dofs[dofs >= 0]] = np.nonzero(dofs >= 0)[0]
-    row, column = part.nonzero()
-    return bool((node[row] == node[column]).all())
+    """Return whether the stiffness of a group resists a translation, as springs to the ground and clamped feet do."""
+    translation = np.zeros((part.shape[0], 3))
+    for axis in range(3):
+        free = dofs[:, axis] >= 0
+        translation[dofs[free, axis], axis] = 1.0
+    load = np.abs(part @ translation).max()
+    return bool(load > _MIN_LOAD * part.diagonal().max())
 
 
 def _nodes_of(dofs: IntArray, held: BoolArray) -> IndexArray:
