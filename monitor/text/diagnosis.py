@@ -126,9 +126,9 @@ def _ratio_text(log_ratio: float) -> str:
 def next_text(found: NextMeasurement) -> str:
     """Return in sentences what to measure next."""
     if isinstance(found, Misfit):
-        of_mesh = _mesh_text(*found.mesh) if found.mesh else ""
+        of_model = (_mesh_text(*found.mesh) if found.mesh else "") + (_model_text(found.model) if found.model else "")
         return (
-            f"{of_mesh}Check the sensors and the structure file, and measure again. "
+            f"{of_model}Check the sensors and the structure file, and measure again. "
             f"The best hypothesis ({_joint(found.causes)}) leaves {_misfit_text(found)}."
         )
     if isinstance(found, Separation):
@@ -141,6 +141,15 @@ def _mesh_text(error: float, elements: int) -> str:
     return (
         f"The mesh of the matrices is coarse: its error of these frequencies is up to {100 * error:.1f} %, shapes are "
         f"wrong accordingly. Use elements 1/{elements} as long, and diagnose again. "
+    )
+
+
+def _model_text(error: float) -> str:
+    """Return the advice for a model that is wrong in the undisturbed state."""
+    return (
+        f"The calibrated model's frequencies differ from the baseline's by up to {100 * error:.1f} %: changes of such a "
+        "model are not those of the structure. Solids need elements of second order, as those of first order are too "
+        "stiff in bending. "
     )
 
 

@@ -55,6 +55,9 @@ MIN_P = 1e-3  #: p of chi-square below which a fit is refused
 WORTH_NAMING = 0.05  #: share of the best one's posterior
 #: chance that a certain answer is wrong by what is not modelled: of 763 sealed ones four were (rule of succession)
 _UNMODELLED = 5 / 765
+# of the error of a good model in the undisturbed state: a model with more is named as a reason why nothing fits; as
+# much as an explanation may leave (`updater.diagnosis.search`)
+_POOR_MODEL = 3.0
 _COARSE_MESH = 2 * MODEL_ERROR  # of frequencies: a mesh with more is named as a reason why nothing fits
 _SAME_SHAPE = 0.9995  # MAC that is printed as 1.000
 _BESIDE = 0.04  # m, on a structure of 1.5 m, of a foot or joint: where a stretch is one with it
@@ -395,8 +398,8 @@ def calibration_summary(reference: Reference) -> CalibrationSummary | None:
     )
 
 
-def misfit(data: Comparison, chosen: Sequence[SelectedCause]) -> Misfit:
-    """Return the significant residuals of the best explanation."""
+def misfit(reference: Reference, data: Comparison, chosen: Sequence[SelectedCause]) -> Misfit:
+    """Return the significant residuals of the best explanation, and the errors of the model that may be their reason."""
     predicted = prediction(data, chosen)
     std = np.linalg.norm(np.linalg.inv(data.plain.matrix), axis=1)
     score = np.abs(data.log_ratio - predicted.log_ratio[0]) / std
@@ -411,7 +414,8 @@ def misfit(data: Comparison, chosen: Sequence[SelectedCause]) -> Misfit:
     far = (float(hertz[worst]), float(score[worst])) if score[worst] >= SIGNIFICANT else None
     error = float(data.mesh_error.max())
     mesh = (error, int(np.ceil(np.sqrt(error / MODEL_ERROR)))) if error > _COARSE_MESH else None
-    return Misfit(causes=tuple(c.cause.name for c in chosen), frequency=far, shape=shape, mesh=mesh)
+    model = reference.frequency_error if reference.model_error_factor > _POOR_MODEL else None
+    return Misfit(causes=tuple(c.cause.name for c in chosen), frequency=far, shape=shape, mesh=mesh, model=model)
 
 
 def as_written(cause: Cause, structure: Structure, file: Structure) -> Cause:

@@ -102,6 +102,8 @@ class Misfit(PlainValue):
     #: largest relative error of the model's frequencies by a coarse mesh, and how many elements for one give that
     #: of a good model; None if the mesh is not coarse
     mesh: tuple[float, int] | None = None
+    #: largest relative difference of the calibrated model's frequencies from the baseline's; None if as of a good model
+    model: float | None = None
 
 
 #: what is to be measured next; of an explanation that nothing is to be separated from, the advice of its causes

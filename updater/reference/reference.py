@@ -80,9 +80,19 @@ class Reference:
         model.
         """
         expected = np.hypot(_GOOD, self.calibration.mesh_error[self.paired])
-        calibrated = np.log(self.calibration.modes.frequency[self.paired])
-        off = np.maximum(np.abs(calibrated - self.baseline.log_frequency), self.baseline.log_frequency_std)
+        off = np.maximum(np.abs(self._log_frequency_errors), self.baseline.log_frequency_std)
         return float(max(np.sqrt(np.mean((off / expected) ** 2)), 1.0))
+
+    @property
+    def frequency_error(self) -> float:
+        """Largest relative difference of the calibrated model's frequencies from the baseline's."""
+        return float(np.abs(self._log_frequency_errors).max())
+
+    @property
+    def _log_frequency_errors(self) -> FloatArray:
+        """Log ratios (n_tracks,) of the calibrated model's frequencies to the baseline's."""
+        calibrated = np.log(self.calibration.modes.frequency[self.paired])
+        return np.asarray(calibrated - self.baseline.log_frequency)
 
     @property
     def ambiguous_tracks(self) -> npt.NDArray[np.bool_]:
