@@ -74,15 +74,16 @@ def compare(
     base = without_sensor_errors(reference, tracks, base)
     of_mesh = reference.calibration.mesh_error
     mesh_error = of_mesh[reference.paired[tracks]]
-    mixed = shape_error_of_mesh(reference.frequency, of_mesh)[reference.paired[tracks]]
-    error = np.sqrt((model_error * reference.model_error_factor) ** 2 + mesh_error**2 + mixed**2)
+    mixed = shape_error_of_mesh(reference.frequency, of_mesh)
+    errors = np.sqrt((model_error * reference.model_error_factor) ** 2 + of_mesh**2 + mixed**2)
+    error = errors[reference.paired[tracks]]
     overdispersion, scatter = reference.scatter.shape_overdispersion, _scatter_of_both(reference, base, event)
     late = unsure_of(reference, base, event, circumstances)
     ratio = event.log_frequency - base.log_frequency
     at_channels = reference.at_channels(channels)
     expected = at_channels[:, reference.paired[tracks]].T
     by_noise = turned_by_noise(reference, tracks, ratio, at_channels, (base, event))
-    foreign = foreign_modes(reference, tracks, ratio, at_channels, error, typical_shift)
+    foreign = foreign_modes(reference, tracks, ratio, at_channels, errors, typical_shift)
     share = np.hypot(np.linalg.norm(foreign, axis=2), np.linalg.norm(by_noise, axis=2))
     now = np.where(np.isfinite(event.shape), event.shape, base.shape)
     altered = along_changed_modes(share, reference.paired[tracks], at_channels, base.shape, now)

@@ -31,10 +31,14 @@ def foreign_modes(
     """Return how far a wrong displacement where something has changed brings other modes into compared shapes.
 
     A mass m at a point where mode i moves by u_i lowers it by d_i = m u_i^2 / 2, couples it with mode k by m u_i u_k,
-    and turns it towards k by that times omega_i^2 / (omega_k^2 - omega_i^2); a spring does the same. If each u is
-    wrong by e times its typical size, d_i is wrong by 2 e (d_i d)^1/2 and the coupling by 2 e (d (d_i + d_k))^1/2, d
-    the mean of all: most where modes are close, and not nothing where a mode has its node. At a place where all modes
+    and turns it towards k by that times omega_i^2 / (omega_k^2 - omega_i^2); a spring does the same. If u_i is wrong by
+    e_i times its typical size, d_i is wrong by 2 e_i (d_i d)^1/2 and the coupling by 2 (d (e_i^2 d_k + e_k^2 d_i))^1/2,
+    d the mean of all: most where modes are close, and not nothing where a mode has its node. At a place where all modes
     move less than they typically do, d is the shift that the same change would cause at a typical place.
+
+    Parameters
+    ----------
+    error : (n_modes,) of the displacements of the reference's modes, relative to their typical size
 
     Returns
     -------
@@ -44,7 +48,8 @@ def foreign_modes(
     paired, shift = reference.paired[tracks], np.abs(ratio)
     shifts = np.full(len(reference.frequency), shift.mean())
     shifts[paired] = shift
-    coupling = 2 * error[:, None] * np.sqrt(max(shift.mean(), typical_shift) * (shifts[paired, None] + shifts))
+    wrong = error[paired, None] ** 2 * shifts + error**2 * shifts[paired, None]
+    coupling = 2 * np.sqrt(max(shift.mean(), typical_shift) * wrong)
     closeness = np.maximum(*_closeness(reference.frequency, paired, ratio))
     return _towards(np.minimum(coupling * closeness, _MAX_TURNED), paired, at_channels)
 
