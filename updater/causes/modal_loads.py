@@ -48,7 +48,13 @@ def modal_spring_force(reference: Reference, connection: Support | Joint, axis: 
 
 
 def group_compliance(reference: Reference) -> dict[str, FloatArray]:
-    """Return the compliance (n_modes + n_stress, same) of each group of external matrices."""
-    strains, square = group_strains(reference.model), (2 * np.pi * reference.frequency) ** 2
-    couple = {g: np.hstack([rows @ reference.shape / square, strains.stress[g]]) for g, rows in strains.rows.items()}
+    """Return the compliance (n_modes + n_stress, same) of each group of external matrices.
+
+    A mode's elastic energy b^T K b is omega^2. A coarse mesh, or a mass that the model lacks, makes that of the model
+    another one than the measured mode has: strains are scaled to the latter.
+    """
+    model, shape = reference.model, reference.shape
+    strains, omega = group_strains(model), 2 * np.pi * reference.frequency
+    scale = omega * np.sqrt((shape * (model.stiffness @ shape)).sum(0))
+    couple = {g: np.hstack([rows @ shape / scale, strains.stress[g]]) for g, rows in strains.rows.items()}
     return {name: own.T @ own for name, own in couple.items()}

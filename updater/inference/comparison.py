@@ -22,9 +22,6 @@ from updater.modal_data import COMMON_STD, NOTHING_KNOWN, Circumstances
 
 BoolArray = npt.NDArray[np.bool_]
 
-#: times the estimated error of a mesh: standard deviation of that part of the frequencies' error that has one factor
-#: for all modes; measured on a table of plates (docs/validation/model/mesh_error.md)
-COMMON_MESH_ERROR = 1.5
 #: times the error e of a mesh: relative error of masses and springs. With a consistent mass matrix of linear elements,
 #: the mean square of a wave is (k h)^2 / 6 = 4 e too small, and its squared displacement per modal mass too large
 _MESH_ERROR_OF_SIZE = 4.0

@@ -9,7 +9,6 @@ from daq import FloatArray, IndexArray
 from updater.errors import ModalDataError
 from updater.fe import self_stress
 from updater.inference.comparison import (
-    COMMON_MESH_ERROR,
     LEAST_VARIANCE,
     Comparison,
     NominalModes,
@@ -31,9 +30,12 @@ from updater.inference.shape_covariance import (
     turned_by_noise,
 )
 from updater.modal_data import NOTHING_KNOWN, USUAL_OVERDISPERSION, Circumstances, ModalMean, Scatter, check_event
-from updater.reference import Reference, match_nominal_modes
+from updater.reference import COMMON_MESH_ERROR, Reference, match_nominal_modes
 
 MODEL_ERROR = 0.01  #: relative to a mode's typical displacement: error of the reference at any point
+# times the error e of a mesh: relative error of a mode's displacement, whose square is 4 e too large. Frequencies have e:
+# the part that all modes have in common is an error of the size (`Comparison.size_error`)
+_MESH_ERROR_OF_DISPLACEMENT = 2.0
 _BIAS_OF_BANDWIDTH = 0.1  # times the change of a mode's half bandwidth: resulting error of identification
 
 
@@ -75,15 +77,16 @@ def compare(
     of_mesh = reference.calibration.mesh_error
     mesh_error = of_mesh[reference.paired[tracks]]
     mixed = shape_error_of_mesh(reference.frequency, of_mesh)
-    errors = np.sqrt((model_error * reference.model_error_factor) ** 2 + of_mesh**2 + mixed**2)
-    error = errors[reference.paired[tracks]]
+    of_model = (model_error * reference.model_error_factor) ** 2 + mixed**2
+    error = np.sqrt(of_model + of_mesh**2)[reference.paired[tracks]]
     overdispersion, scatter = reference.scatter.shape_overdispersion, _scatter_of_both(reference, base, event)
     late = unsure_of(reference, base, event, circumstances)
     ratio = event.log_frequency - base.log_frequency
     at_channels = reference.at_channels(channels)
     expected = at_channels[:, reference.paired[tracks]].T
     by_noise = turned_by_noise(reference, tracks, ratio, at_channels, (base, event))
-    foreign = foreign_modes(reference, tracks, ratio, at_channels, errors, typical_shift)
+    displaced = np.sqrt(of_model + (_MESH_ERROR_OF_DISPLACEMENT * of_mesh) ** 2)
+    foreign = foreign_modes(reference, tracks, ratio, at_channels, displaced, typical_shift)
     share = np.hypot(np.linalg.norm(foreign, axis=2), np.linalg.norm(by_noise, axis=2))
     now = np.where(np.isfinite(event.shape), event.shape, base.shape)
     altered = along_changed_modes(share, reference.paired[tracks], at_channels, base.shape, now)

@@ -1,5 +1,6 @@
 """The reference: calibrated model, expansion of measured modes, pairing with model modes."""
 
+from updater.reference.calibration import COMMON_MESH_ERROR as COMMON_MESH_ERROR
 from updater.reference.calibration import UNLIKE as UNLIKE
 from updater.reference.calibration import Calibration as Calibration
 from updater.reference.calibration import Parameter as Parameter

@@ -20,6 +20,7 @@ from updater.reference import Reference
 from updater.structure import Structure
 
 _MIN_LOAD = 1e-6  # of the largest diagonal entry: load by a unit translation of a part that is free, by rounding
+_FREE = 0.5  # error of the energy of a part that is not connected to the ground, over that of squared displacements
 _MAX_START = 7.0  # of the compliance relative to the group's own, at the start of a fit
 
 
@@ -35,9 +36,9 @@ class GroupStiffness(StiffnessLoss, Discrete):
     corner: FloatArray  #: (n, 2, 3) least and greatest coordinates of its nodes [m]
     middle: FloatArray  #: (n, 3) mean of its nodes [m]
     compliance: FloatArray  #: (n, n_modes + n_stress, same) of each group
-    #: (n,) whether it is connected to the ground, which the error of displacements by a mesh concerns; strains of a part
-    #: of the structure that is free have the error that those of the whole have
-    grounded: BoolArray
+    #: (n,) error of its elastic energy by a mesh, over that of the squared displacements: 1 where it is connected to the
+    #: ground, 1/2 else. The energy of linear elements is 2 e too large, displacements squared 4 e
+    mesh_share: FloatArray
     begun: FloatArray  #: (n, 1) where the fit begins
     name: str = "local_stiffness"
     advice: str = "Inspect this part for a crack, loose bolts or a loose connection."
@@ -90,7 +91,7 @@ class GroupStiffness(StiffnessLoss, Discrete):
     def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the share of stiffness that is lost, negative where it has grown."""
         left = float(np.exp(-fit.theta[fit.best, 0]))
-        by_mesh = (1 - left) * self.comparison.size_error if self.grounded[fit.best] else 0.0
+        by_mesh = (1 - left) * self.mesh_share[fit.best] * self.comparison.size_error
         std = left * float(np.hypot(np.sqrt(fit.covariance[fit.best, 0, 0]), by_mesh))
         return {"loss": Quantity(value=1 - left, std=std, unit="-")}
 
@@ -122,7 +123,7 @@ def propose_group_stiffness(reference: Reference, comparison: Comparison) -> Gro
         corner=np.tile(corner, (2, 1, 1)),
         middle=np.tile(middle, (2, 1)),
         compliance=np.tile(compliance, (2, 1, 1)),
-        grounded=np.array(2 * [_is_grounded(model.dofs, part) for part in model.groups.values()]),
+        mesh_share=np.where(2 * [_is_grounded(model.dofs, part) for part in model.groups.values()], 1.0, _FREE),
         begun=np.concatenate([np.zeros(first.shape), first]),
         prior_std=np.array([LOSS_STD]),
         lower=np.full((2 * len(nodes), 1), STIFFEST),
