@@ -21,6 +21,7 @@ from updater.inference.sensor_errors import sensor_errors, without_sensor_errors
 from updater.inference.shape_covariance import (
     SHAPE_BIAS,
     along_changed_modes,
+    beside,
     foreign_modes,
     mixed_by_change,
     nearer_modes,
@@ -102,6 +103,7 @@ def compare(
         **_frequencies_of(base, event, error, typical_shift, COMMON_MESH_ERROR * mesh_error * reference.of_file),
         **_shapes_of(base, event, sign, scatter, max(reference.delays.wander, circumstances.wander), foreign),
         sensor_errors=sensor_errors(reference, tracks, channels),
+        mesh_errors=_common_to_modes(base.shape, sign * now, ratio, mesh_error),
         **imaginary_parts(base, event, sign, scatter, nearer, late),
         **damping_changes(base, event, mixed_by_change(reference, tracks, ratio)),
         mass_tests=mass_tests(reference, tracks, event, error, circumstances.known_masses),
@@ -116,6 +118,19 @@ def compare(
             circumstances.extra, channels, overdispersion, at_channels, reference.frequency, float(error.max())
         ),
     )
+
+
+def _common_to_modes(base: FloatArray, now: FloatArray, ratio: FloatArray, mesh_error: FloatArray) -> FloatArray:
+    """Return the standard deviations of unit shapes (n, n_channels, n_errors) by a mesh, common to all modes.
+
+    A mesh that is too stiff where a sensor is makes its motion there wrong by one factor in all modes: that of the
+    change is an error of each channel. The modes count by the squares of their shifts.
+    """
+    if not mesh_error.any():
+        return np.zeros((*base.shape, 0))
+    size = _MESH_ERROR_OF_DISPLACEMENT * float(np.average(mesh_error, weights=ratio**2 + LEAST_VARIANCE))
+    error = size * (now - base)[:, :, None] * np.eye(base.shape[1])
+    return beside(error, base[:, None]).transpose(0, 2, 1)
 
 
 def _scatter_of_both(reference: Reference, base: ModalMean, event: ModalMean) -> Scatter:
