@@ -321,11 +321,11 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
     value, vector = value[:, :n_compared], vector[:, :n_modes, :n_compared]
     old = (2 * np.pi * comparison.frequency[comparison.paired]) ** -2.0
     shape = (comparison.baseline_at_channels @ vector).transpose(0, 2, 1)
-    along = (shape * comparison.base).sum(-1, keepdims=True)
-    along = np.where(np.abs(along) < 1e-6, 1e-6, along)
+    own = (shape * comparison.base).sum(-1, keepdims=True)
+    along = np.where(np.abs(own) < 1e-6, 1e-6, own)  # else the mode is not seen at the channels
     if effect.moved.any():
         shape = shape + (effect.moved @ vector).transpose(0, 2, 1)
-    true = shape / along
+    true = comparison.base + (shape - own * comparison.base) / along
     n = true.shape[2]
     read = true @ effect.chain[:, :, :n].transpose(0, 2, 1)
     if effect.chain[:, :, n:].any():
