@@ -126,7 +126,8 @@ def _ratio_text(log_ratio: float) -> str:
 def next_text(found: NextMeasurement) -> str:
     """Return in sentences what to measure next."""
     if isinstance(found, Misfit):
-        of_model = (_mesh_text(*found.mesh) if found.mesh else "") + (_model_text(found.model) if found.model else "")
+        of_mesh = _mesh_text(*found.mesh) if found.mesh else ""
+        of_model = of_mesh + (_model_text(found.model) if found.model else "")
         return (
             f"{of_model}Check the sensors and the structure file, and measure again. "
             f"The best hypothesis ({_joint(found.causes)}) leaves {_misfit_text(found)}."

@@ -240,7 +240,9 @@ def _diagnosed(
         odd = found[0] if found else best
         faults = case.weighing.faults
         nearer = reference.nominal and faults.attempt("the file nearer to the logs", lambda: _nearer(case))
-        refused = _refused("unexplained", case, best.log_evidence, misfit(case.reference, case.data, odd.chosen), odd.chosen)
+        refused = _refused(
+            "unexplained", case, best.log_evidence, misfit(case.reference, case.data, odd.chosen), odd.chosen
+        )
         return replace(refused, nearer=nearer or None)
     if _strewn(found[0]):
         return _refused("unexplained", case, best.log_evidence, "scattered_mass")

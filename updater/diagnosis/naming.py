@@ -399,7 +399,7 @@ def calibration_summary(reference: Reference) -> CalibrationSummary | None:
 
 
 def misfit(reference: Reference, data: Comparison, chosen: Sequence[SelectedCause]) -> Misfit:
-    """Return the significant residuals of the best explanation, and the errors of the model that may be their reason."""
+    """Return the significant residuals of the best explanation, and errors of the model as their reason."""
     predicted = prediction(data, chosen)
     std = np.linalg.norm(np.linalg.inv(data.plain.matrix), axis=1)
     score = np.abs(data.log_ratio - predicted.log_ratio[0]) / std

@@ -34,8 +34,8 @@ from updater.modal_data import NOTHING_KNOWN, USUAL_OVERDISPERSION, Circumstance
 from updater.reference import COMMON_MESH_ERROR, Reference, match_nominal_modes
 
 MODEL_ERROR = 0.01  #: relative to a mode's typical displacement: error of the reference at any point
-# times the error e of a mesh: relative error of a mode's displacement, whose square is 4 e too large. Frequencies have e:
-# the part that all modes have in common is an error of the size (`Comparison.size_error`)
+# times the error e of a mesh: relative error of a mode's displacement, whose square is 4 e too large. Frequencies have
+# e: the part that all modes have in common is an error of the size (`Comparison.size_error`)
 _MESH_ERROR_OF_DISPLACEMENT = 2.0
 _BIAS_OF_BANDWIDTH = 0.1  # times the change of a mode's half bandwidth: resulting error of identification
 

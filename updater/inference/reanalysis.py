@@ -301,8 +301,8 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
     """Return the predicted measurement.
 
     A changed shape consists of the measured baseline shapes, so that errors of sensors cancel also where a mode takes
-    the shape of another one; it is then read by the channels. A channel with a delay tau rotates its component of a mode
-    by -2 pi f tau.
+    the shape of another one; it is then read by the channels. A channel with a delay tau rotates its component of a
+    mode by -2 pi f tau.
 
     Parameters
     ----------

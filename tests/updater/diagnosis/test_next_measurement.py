@@ -120,9 +120,8 @@ def test_fitting_frequency_is_not_reported_as_outlier() -> None:
     assert isinstance(masses, AddedMass)
 
     def reported(kg: float) -> Misfit:
-        return misfit(
-            replace(data, shaped=np.zeros_like(data.shaped)), [SelectedCause(masses, 5, np.array([kg, 0, 0, 0]))]
-        )
+        bare = replace(data, shaped=np.zeros_like(data.shaped))
+        return misfit(reference, bare, [SelectedCause(masses, 5, np.array([kg, 0, 0, 0]))])
 
     assert (reported(0.0).frequency, reported(0.0).shape) == (None, None)
     assert "no frequency 2 standard deviations off by itself" in next_text(reported(0.0))

@@ -36,7 +36,7 @@ class GroupStiffness(StiffnessLoss, Discrete):
     corner: FloatArray  #: (n, 2, 3) least and greatest coordinates of its nodes [m]
     middle: FloatArray  #: (n, 3) mean of its nodes [m]
     compliance: FloatArray  #: (n, n_modes + n_stress, same) of each group
-    #: (n,) error of its elastic energy by a mesh, over that of the squared displacements: 1 where it is connected to the
+    #: (n,) error of its elastic energy by a mesh, over that of squared displacements: 1 where it is connected to the
     #: ground, 1/2 else. The energy of linear elements is 2 e too large, displacements squared 4 e
     mesh_share: FloatArray
     begun: FloatArray  #: (n, 1) where the fit begins

@@ -123,7 +123,7 @@ def write_bracket(folder: Path, *, edge: float = 0.03, layers: int = 1, element:
     faces = of_dof[basis.nodal_dofs[0]][mesh.facets[:, mesh.boundary_facets()]].T
     groups = {name: _kept(part, found) for name, part in found.stiffness.items()}
     matrices = Matrices(
-        stiffness=sparse.csc_array(sum(groups.values())),
+        stiffness=_kept(sum(found.stiffness.values()), found),
         mass=_kept(found.mass, found),
         nodes=nodes,
         dofs=dofs,
