@@ -148,8 +148,8 @@ def _mesh_text(error: float, elements: int) -> str:
 def _model_text(error: float) -> str:
     """Return the advice for a model that is wrong in the undisturbed state."""
     return (
-        f"The calibrated model's frequencies differ from the baseline's by up to {100 * error:.1f} %: changes of such a "
-        "model are not those of the structure. Solids need elements of second order, as those of first order are too "
+        f"The calibrated model's frequencies differ from the baseline's by up to {100 * error:.1f} %: changes of such "
+        "a model are not those of the structure. Solids need elements of second order, as those of first order are too "
         "stiff in bending. "
     )
 
