@@ -54,9 +54,11 @@ class Observation:
         )
 
     def chosen(self, windows: IndexArray) -> "Observation":
-        """Return some of the windows that gave modes."""
+        """Return some of the windows that gave modes, ascending; signals only if their window is one of them."""
+        with_signals = len(windows) > 0 and windows[-1] == len(self.estimates) - 1
         return replace(
             self,
+            sample=self.sample if with_signals else None,
             estimates=tuple(self.estimates[w] for w in windows),
             tracks=tuple(self.tracks[w] for w in windows),
             temperature=self.temperature[windows],

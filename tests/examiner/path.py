@@ -16,7 +16,9 @@ from tests.examiner.designs import DESIGNS
 from tests.examiner.models.solid import STRUCTURE as SOLID_STRUCTURE
 from tests.examiner.models.specimen import State
 from tests.examiner.signals import estimated
-from updater import Structure, parse_structure, t_structure_toml
+from updater import Structure, learn_reference, matched, parse_structure, t_structure_toml
+from updater.diagnosis.weighing import EvidenceComparison
+from updater.inference import compare
 
 _RMS = 0.01  # m/s2, at a loudness of one
 FRAME = parse_structure(t_structure_toml())
@@ -110,3 +112,12 @@ def _speaking(estimate: ModalEstimate, channels: tuple[str, ...]) -> ModalEstima
         shape=shape / length,
         shape_std=estimate.shape_std[:, column] / length,
     )
+
+
+def weighing_of(before: State, after: State, seed: int) -> EvidenceComparison:
+    """Return the causes of a change of the T-frame, to be weighed by the modes of windows before and after it."""
+    random = np.random.default_rng((seed, 6))
+    windows = observation(before, estimated(before, N_BEFORE, random, noise="law"))
+    reference = learn_reference(FRAME, windows.estimates, windows.tracks, windows.lateness.delays)
+    now = observation(after, estimated(after, N_AFTER, random, noise="law")).modes
+    return EvidenceComparison(reference, compare(reference, matched(reference.baseline, reference.mean_of(now))))

@@ -106,7 +106,7 @@ _LATER = 2  # pairs after these that are fitted too
 _MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on; ...
 _OF_SHAPE = 0.5  # ... the shape of a mode counts as half a frequency: places are determined by shapes as well
 _DATA_EACH = 2  # data of all kinds that each must have, from the second one on: a place and a size
-_WITH_BODIES, _LIKELIEST = 3, 2  # causes at once where two are bodies; causes that are tried with two bodies
+_LIKELIEST = 2  # causes that are tried with two bodies
 _FURTHER = 3  # more pairs that are fitted where none of these fits
 _TURNS, _STILL = 3, 1.0  # times that all are fitted again, while log evidence grows by more than this
 _NEXT = 8.0  # of log density under a cause's best place: another one that is tried
@@ -178,18 +178,18 @@ class Compositions:
     def with_two_bodies(self, singles: Sequence[Candidate]) -> list[Candidate]:
         """Fit the most probable causes that are no bodies, each with two bodies, all from their neutral starts.
 
-        A cause that is sought alone, or with one body, may rest far from its place. Here every body is sought over all
-        places with the others still neutral.
+        A cause that is sought alone, or with one body, may converge far from its place. Here the last body is sought
+        over all places first, while the others are at their first places with parameters that are fitted too; then the
+        others in turn.
         """
         body = next((self.weighing.cause(name) for name in self.weighing.common_forms), None)
-        if body is None or self._most_drifting < _WITH_BODIES:
+        if body is None:
             return []
         rare = {body.name, *(name for name in self.weighing.causes if CATALOGUE[name].common_form)}
-        others = [
-            c.chosen[0].cause for c in singles if c.names[0] not in rare and not has_unobserved_mode(c.chosen[0].cause)
-        ]
+        others = [c.chosen[0].cause for c in singles if c.names[0] not in rare]
+        permitted = [one for one in others if not has_unobserved_mode(one) and 2 + one.drifting <= self.most_drifting]
         found = []
-        for other in others[:_LIKELIEST]:
+        for other in permitted[:_LIKELIEST]:
             chosen = tuple(SelectedCause(one, 0, np.zeros(len(one.prior_std))) for one in (body, other, body))
             found.append(self.converged_fit(chosen))
         return [c for c in found if c is not None]
@@ -236,10 +236,10 @@ class Compositions:
         Feet and joints together with parameters of a file are errors of the file, which are not counted.
         """
         counted = [c for c in seed.chosen if c.cause.drifting]
-        return cause.drifting and len(counted) >= self._most_drifting and not self.of_the_file_alone(seed)
+        return cause.drifting and len(counted) >= self.most_drifting and not self.of_the_file_alone(seed)
 
     @property
-    def _most_drifting(self) -> int:
+    def most_drifting(self) -> int:
         """Number of causes that change frequencies which the data determine."""
         data = self.weighing.data
         n_modes = len(data.log_ratio) + _OF_SHAPE * np.count_nonzero(data.shaped)

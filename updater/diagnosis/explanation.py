@@ -230,7 +230,11 @@ def _diagnosed(
             if revised is not None:
                 return revised
         found = found if within_noise(good, found[0].chosen) else closer(case, found, good)
-        leading, *rest = [only_needed(case.weighing, merged(case.weighing, found[0])), *found[1:]]
+        leading = only_needed(
+            case.weighing, merged(case.weighing, found[0]), lambda c: fits(c) and within_noise(good, c.chosen)
+        )
+        fewer = len(leading.chosen) < len(found[0].chosen)
+        rest = [c for c in found[1:] if not (fewer and sorted(c.names) == sorted(leading.names))]
         found = significant_only(case.weighing, [leading, *rest])
         less = max((c.log_evidence for c in found), default=float("-inf"))
         left = less >= min(leading.log_evidence, case.weighing.log_nothing)  # else no change is more probable

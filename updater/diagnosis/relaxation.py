@@ -15,6 +15,7 @@ from updater.diagnosis.weighing import DOUBTFUL, MUCH, WELL, Candidate, Evidence
 _MIN_SHARE = 0.5  # of the misfit of a cause alone, that its relaxed form must explain to replace it
 _FAR = 10.0  # times the misfit of the likeliest cause: the relaxed form of a cause with more is not tried alone
 _MEDIOCRE = 0.1  # p value of a fit under which a relaxed cause with a body is tried: one of ten right fits has less
+_WITH_BODY = 2  # causes that change frequencies
 _RIVAL = 60.0  # of log evidence below the best of the plain form: its relaxed one is not tried
 
 
@@ -95,7 +96,10 @@ def relaxed_with_body(search: EvidenceComparison, found: list[Candidate]) -> tup
 
     The search cannot begin from a relaxed cause that is at a wrong place without the body, nor from the plain form.
     """
+    several = Compositions(search)
     if not found or (found[0].p_value >= _MEDIOCRE and not is_hidden(found[0])):
+        return search, found
+    if search.of_the_file or several.most_drifting < _WITH_BODY:
         return search, found
     for name in (name for name in search.causes if CATALOGUE[name].relaxed):
         relaxed = search if name in search.instead else _relaxed(search, name)
@@ -105,7 +109,9 @@ def relaxed_with_body(search: EvidenceComparison, found: list[Candidate]) -> tup
                 continue
             both = tuple(SelectedCause(one, 0, np.zeros(len(one.prior_std))) for one in (form, body))
             fitted = Compositions(relaxed).converged_fit(both)
-            if fitted is not None and fitted.log_evidence >= found[0].log_evidence + MUCH:
+            if fitted is None or fitted.log_evidence < found[0].log_evidence + MUCH:
+                continue
+            if fitted.earned(found):
                 return relaxed, ranked([fitted, *found])
     return search, found
 

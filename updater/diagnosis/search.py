@@ -299,7 +299,7 @@ def stepwise(
 
 
 def _is_doubtful(found: Candidate) -> bool:
-    """Return whether one cause more is tried, whatever it promises: several causes that do not fit are refused."""
+    """Return whether one cause more is tried, whatever its predicted gain: several that do not fit are refused."""
     return found.p_value < (DOUBTFUL if len(found.chosen) == 1 else _MIN_P_TOGETHER)
 
 

@@ -1,6 +1,7 @@
 """Simpler forms of an explanation: two stretches as one, and no cause that is not needed."""
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -91,7 +92,9 @@ def _refitted(
     return Candidate(chosen, (beside.of_free(found), *parts), evidence, found.p_value, float(found.chi_square.min()))
 
 
-def only_needed(weighing: EvidenceComparison, candidate: Candidate) -> Candidate:
+def only_needed(
+    weighing: EvidenceComparison, candidate: Candidate, is_accepted: Callable[[Candidate], bool]
+) -> Candidate:
     """Return a candidate of more than two causes without a cause that reduces its evidence, the others fitted again.
 
     The search adds causes to a first one that another one may replace later: then a cause that was needed next to the
@@ -101,15 +104,16 @@ def only_needed(weighing: EvidenceComparison, candidate: Candidate) -> Candidate
     ----------
     weighing : the data and the causes' prior probabilities
     candidate : causes fitted together
+    is_accepted : whether a fit is good enough to be named
     """
     several, needed = Compositions(weighing), candidate
     while len(candidate.chosen) >= _MANY and len(needed.chosen) > 1:
         removable = [k for k, name in enumerate(needed.names) if not CATALOGUE[name].of_the_file]
         fitted = [several.coordinate_fit(needed.chosen[:k] + needed.chosen[k + 1 :]) for k in removable]
-        best = max((c for c in fitted if c is not None), key=lambda c: c.log_evidence, default=needed)
-        if best.log_evidence <= needed.log_evidence:
+        fewer = [c for c in fitted if c is not None and c.log_evidence > needed.log_evidence and is_accepted(c)]
+        if not fewer:
             break
-        needed = best
+        needed = max(fewer, key=lambda c: c.log_evidence)
     return needed
 
 

@@ -204,11 +204,7 @@ def _accuracies(results: Sequence[Result]) -> str:
             f"| error of held-out changes of frequency where it was 1 % or more: before over after | {len(ratio)} | "
             f"{np.median(ratio):.1f} | {np.quantile(ratio, 0.1):.1f} (90 % above) | >= 8 |"
         )
-    for what, kinds in (
-        ("one cause or none", ("detectable", "nothing")),
-        ("two causes", ("two",)),
-        ("three causes", ("three",)),
-    ):
+    for what, kinds, wanted in _TIMES:
         seconds = [r.seconds for r in results if r.kind in kinds and r.seconds]
         if seconds:
             rows.append(

@@ -86,19 +86,19 @@ def explain_record(
     found = explain_states(structure, before, states.observation if of_all else states.last, heldout)
     if _grown(found) and _grown(change):
         try:
-            first = explain_states(structure, before, states.first, None)
+            begun = _with_grown(structure, explain_states(structure, before, states.first, None), found)
+            again = explain_states(begun, states.first, states.last, None) if begun else change
         except StateError:  # too few modes in common with the state before
-            first = None
-        begun = first and _with_grown(structure, first, found)
-        change = explain_states(begun, states.first, states.last, None) if begun else change
+            again = change
+        change = again if _grown(again) else change
     within = _within_record(states, change, of_all=of_all)
     return replace(found, diagnosis=found.diagnosis.model_copy(update={"within_record": within}))
 
 
 def _grown(one: Explanation) -> Cause | None:
-    """Return the body that explains a state; None if none does, or several do."""
+    """Return the body that explains a state, alone or with other causes; None if none does, or several may."""
     bodies = [cause for cause in one.diagnosis.causes if cause.cause == _BODY]
-    return bodies[0] if len(bodies) == 1 else None
+    return bodies[0] if one.diagnosis.verdict == "explained" and len(bodies) == 1 else None
 
 
 def _with_grown(structure: Structure, begun: Explanation, ended: Explanation) -> Structure | None:
@@ -112,8 +112,10 @@ def _with_grown(structure: Structure, begun: Explanation, ended: Explanation) ->
     first, last, extended = _grown(begun), _grown(ended), ended.explained.extended
     if not (first and last and extended and _is_at_one_place(first, last)):
         return None
-    (body,) = extended.body[len(structure.body) :]
-    return structure.with_bodies([body.times(first.parameters["mass"].value / last.parameters["mass"].value)])
+    new = extended.body[len(structure.body) :]
+    if len(new) != 1:  # bodies of the file were changed too
+        return None
+    return structure.with_bodies([new[0].times(first.parameters["mass"].value / last.parameters["mass"].value)])
 
 
 def _is_at_one_place(one: Cause, other: Cause) -> bool:

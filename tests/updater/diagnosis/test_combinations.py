@@ -1,17 +1,19 @@
 """Two causes found at once, to first order, where the likeliest one alone may be neither."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.examiner.cases import draw
-from tests.examiner.path import answer
+from tests.examiner.path import answer, weighing_of
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Body, Model, Reference, build_model, learn_reference, matched, stack_tracks
 from updater.causes import AddedMass, SelectedCause, propose_added_mass
 from updater.diagnosis.combinations import Compositions, likeliest_pair
+from updater.diagnosis.relaxation import relaxed_with_body
 from updater.diagnosis.weighing import EvidenceComparison
 from updater.inference import compare
 
@@ -142,3 +144,30 @@ def test_positions_between_neighbouring_ones_are_interpolated(learnt: tuple[Refe
     assert len(fine.position) == len(rows) + 3
     assert fine.gap == pytest.approx(bodies.gap / 4)
     assert fine.member.tolist() == [0] * 6 + [1]
+
+
+def weighing_of_draw(cell: str, seed: int, *allowed: str) -> EvidenceComparison:
+    print(f"{cell}, seed {seed}")
+    done = draw(cell, seed).done
+    return replace(weighing_of(done.before, done.after, seed), allowed=allowed)
+
+
+def test_loss_about_one_axis_is_found_with_a_body_that_moves_its_best_place() -> None:
+    weighing = weighing_of_draw("one_sided + added_mass", 882110, "added_mass", "local_stiffness")
+    singles = weighing.singles()
+    search, found = relaxed_with_body(weighing, singles)
+    assert sorted(found[0].names) == ["added_mass", "local_stiffness"]
+    assert found[0].p_value > 0.03
+    assert search.instead
+    places = {part.hypotheses.name: part.hypotheses.where(part) for part in found[0].parts}
+    place = places["local_stiffness"]
+    assert place is not None
+    assert place.position == pytest.approx((0.0, 0.0, 0.732), abs=0.03)
+    assert relaxed_with_body(search, found) == (search, found)
+
+
+def test_two_bodies_and_a_loss_are_found_where_the_loss_alone_is_elsewhere() -> None:
+    weighing = weighing_of_draw("added_mass + added_mass + local_stiffness", 34, "added_mass", "local_stiffness")
+    (found,) = Compositions(weighing).with_two_bodies(weighing.singles())
+    assert sorted(found.names) == ["added_mass", "added_mass", "local_stiffness"]
+    assert found.p_value > 0.03

@@ -10,15 +10,16 @@ from monitor.results.comparison import DiagnosisAnswer
 from tests.examiner.cases import N_AFTER, N_BEFORE, specimen
 from tests.examiner.models.bar import Zone
 from tests.examiner.models.specimen import State
-from tests.examiner.path import observation, structure_of
+from tests.examiner.path import observation, structure_of, weighing_of
 from tests.examiner.signals import estimated
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame
-from updater import Body, Reference, build_model, learn_reference, matched, nominal_reference, stack_tracks
+from updater import Body, Reference, build_model, matched, nominal_reference, stack_tracks
 from updater.causes import Cause, LocalStiffness, SelectedCause
 from updater.causes.stiffness.local_stiffness import LENGTHS, propose_local_stiffness
 from updater.causes.stretches import everywhere
 from updater.diagnosis.combinations import Compositions
+from updater.diagnosis.search import fits
 from updater.diagnosis.simplification import is_significant, merged, only_needed, significant_only
 from updater.diagnosis.weighing import EvidenceComparison
 from updater.inference import Comparison, compare
@@ -77,14 +78,6 @@ def halves_at_most(reference: Reference, comparison: Comparison) -> LocalStiffne
     cause = propose_local_stiffness(reference, comparison)
     assert cause is not None
     return replace(cause, kinds=LENGTHS, **everywhere(cause.cells, LENGTHS, 4))
-
-
-def weighing_of(before: State, after: State, seed: int) -> EvidenceComparison:
-    random = np.random.default_rng((seed, 6))
-    windows = observation(before, estimated(before, N_BEFORE, random, noise="law"))
-    reference = learn_reference(structure_of("frame: "), windows.estimates, windows.tracks, windows.lateness.delays)
-    now = observation(after, estimated(after, N_AFTER, random, noise="law")).modes
-    return EvidenceComparison(reference, compare(reference, matched(reference.baseline, reference.mean_of(now))))
 
 
 def begun(cause: Cause) -> SelectedCause:
@@ -159,8 +152,9 @@ def test_third_cause_that_was_needed_next_to_another_one_is_left_out() -> None:
     names = ("sensor_gain", "local_stiffness", "added_mass")
     three = Compositions(weighing).coordinate_fit(tuple(begun(weighing.causes[n]) for n in names))
     assert three is not None
-    needed = only_needed(weighing, three)
+    needed = only_needed(weighing, three, fits)
     print([(part.hypotheses.name, part.hypotheses.parameters(part)) for part in (*three.parts, *needed.parts)])
     assert sorted(needed.names) == ["added_mass", "local_stiffness"]
     assert needed.log_evidence > three.log_evidence
-    assert only_needed(weighing, needed) is needed
+    assert only_needed(weighing, needed, fits) is needed
+    assert only_needed(weighing, three, lambda _: False) is three

@@ -1,10 +1,12 @@
 """Diagnosis of records within which the structure changed; the frames are the examiner's, of another model."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 
+from daq import Channel, Recording
 from monitor.analysis.explanation import Explanation, explain
 from monitor.analysis.observation import Observation
 from monitor.analysis.states.record_course import explain_record
@@ -94,3 +96,13 @@ def test_record_of_one_state_is_explained_as_a_whole() -> None:
     explained, within = found(np.zeros(N_WINDOWS), 3)
     assert within is None
     assert explained.diagnosis.verdict == "nothing_to_explain"
+
+
+def test_signals_are_kept_only_with_the_window_that_they_are_of() -> None:
+    before, _ = record(np.full(3, MASS), seed=3)
+    channel = Channel(name="c", device="d", axis=0)
+    signals = Recording(channels=(channel,), data=np.zeros((10, 1)), rate=100.0, start=0)
+    observed = replace(before, sample=signals)
+    last = len(observed.estimates) - 1
+    assert observed.chosen(np.arange(last)).sample is None
+    assert observed.chosen(np.array([0, last])).sample is signals
