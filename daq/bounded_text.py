@@ -1,6 +1,7 @@
 """Text from files of others: TOML and JSON of bounded size and depth, and text that is safe to print."""
 
 import json
+import re
 import tomllib
 import unicodedata
 from typing import Any
@@ -26,8 +27,21 @@ def parse_toml(text: str) -> dict[str, Any]:
         content = tomllib.loads(text)
     except RecursionError as error:
         raise ValueError(_TOO_DEEP) from error
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{error}{_quotes_hint(text, str(error))}") from error
     _check_values(content)
     return content
+
+
+def _quotes_hint(text: str, error: str) -> str:
+    """Return that a bare word needs quotes, if the error of a TOML text is one; true and false are lower case."""
+    place = re.fullmatch(r"Invalid value \(at line (\d+), column (\d+)\)", error)
+    word = place and re.match(r"[^\W\d][\w-]*", text.split("\n")[int(place[1]) - 1][int(place[2]) - 1 :])
+    if not word:
+        return ""
+    if (lower := word[0].lower()) in {"true", "false"}:
+        return f": write {lower}"
+    return f': a text needs quotes: "{word[0]}"'
 
 
 def parse_json(text: str | bytes) -> Any:  # noqa: ANN401 - any JSON value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import inspect
 from collections.abc import Callable
 from importlib import import_module
@@ -76,6 +77,16 @@ class CommandGroup(TyperGroup):
                 name=cmd_name, help=GROUPS[cmd_name], no_args_is_help=True, rich_markup_mode=self.rich_markup_mode
             )
         return command(self._prefix + cmd_name)
+
+    def resolve_command(self, ctx: Context, args: list[str]) -> tuple[str | None, Command | None, list[str]]:
+        """Return the command named first; the error of an unknown one names similar commands of all groups."""
+        name = args[0]
+        if name not in self.commands and not name.startswith("-") and not ctx.resilient_parsing:
+            paths = {path.rpartition(" ")[2]: path for path in COMMANDS} | {group: group for group in GROUPS}
+            near = [name] if name in paths else difflib.get_close_matches(name, paths)
+            similar = ", ".join(f"'modalwatch {paths[word]}'" for word in near)
+            ctx.fail(f"No such command {name!r}." + f" Did you mean {similar}?" * bool(near))
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Context, formatter: HelpFormatter) -> None:
         """Write the commands by section, a line each."""

@@ -3,12 +3,17 @@
 import gc
 import os
 import sys
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from monitor.cli.commands import CommandGroup
-from monitor.cli.options import DONE, INTERRUPTED, explain
+from monitor.cli.options import DONE, INTERRUPTED, WRONG_INPUT, explain
+
+if TYPE_CHECKING:
+    from typer._click.exceptions import UsageError
+else:
+    UsageError = typer.BadParameter.__bases__[0]  # in click or inside typer, by its version
 
 _NEW_OBJECTS = 200_000  # before a garbage collection: twice as many as modules make; of the default, 700, they make 150
 
@@ -62,11 +67,23 @@ def main() -> None:
 
 def _run() -> int:
     try:
-        app(prog_name="modalwatch")
-    except SystemExit as end:  # typer has printed the error of the arguments
+        return int(app(prog_name="modalwatch", standalone_mode=False) or DONE)
+    except SystemExit as end:
         return int(end.code or DONE)
-    except KeyboardInterrupt:
+    except UsageError as error:
+        _show(error)
+        return WRONG_INPUT
+    except (KeyboardInterrupt, typer.Abort):
         return INTERRUPTED
     except Exception as error:  # noqa: BLE001 - the daemon's edge: nothing may leave without an exit code
         return explain(error, debug=any(_debug))
-    return DONE
+
+
+def _show(error: UsageError) -> None:
+    """Print an error of the arguments, and the command that prints the help."""
+    if type(error).show is not UsageError.show:  # the help itself, of a group without a command
+        error.show()
+        return
+    typer.echo(f"error: {error.format_message()}", err=True)
+    if error.ctx:
+        typer.echo(f"see {error.ctx.command_path} --help", err=True)

@@ -307,7 +307,7 @@ def _opening_text(found: Breathing | None) -> str:
         absent = f"{share} % of the added flexibility is absent while it is closed"
         return f"it opens and closes: open {open_time} % of the time; {absent}{_heldout_text(found.heldout)}"
     if found.share.value + _BOUND * found.share.std < _CONSTANT:
-        return f"it does not open and close: {share} % of the added flexibility is absent under one sign of the load"
+        return f"it does not open and close: under one sign of the load, the added flexibility is {share} % less"
     return ""
 
 
@@ -417,8 +417,8 @@ def calibration_text(summary: CalibrationSummary) -> str:
     """Return how many modes were paired with the model before and after its calibration, and its frequency errors."""
     paired, error = summary.modes_paired, summary.frequency_error_percent
     return (
-        f"model calibrated: {paired.before} of {summary.modes_measured} measured modes paired before, {paired.after} "
-        f"after; frequency error {error.before:.3g} -> {error.after:.3g} % rms"
+        f"model calibrated: {paired.before} of {summary.modes_measured} measured modes paired before calibration, "
+        f"{paired.after} after it; frequency error {error.before:.3g} -> {error.after:.3g} % rms"
     )
 
 
@@ -467,7 +467,7 @@ def predicted_text(gain: Gain) -> str:
     """Return the name of the error of predicted changes: on held-out logs, or of each mode from the others."""
     if gain.heldout:
         return "changes since the reference, on data not used"
-    return "on data not used, each mode predicted from the others"
+    return "on data not used (each mode predicted from a fit to the others)"
 
 
 def remainder_text(gain: Gain) -> str:

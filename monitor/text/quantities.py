@@ -21,6 +21,7 @@ _NAMES = {
     "sensor_dead": "dead sensor",
     "amplitude_softening": "softening with amplitude",
     "damping_change": "change of damping",
+    "support_spring": "additional support",
 }  # others are their own words
 _UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"))
 

@@ -19,8 +19,8 @@ def structure(
         Option(
             metavar="SHAPE:DIMENSIONS",
             help="Section of all members [m]: rectangle:WIDTH,HEIGHT; box:WIDTH,HEIGHT,THICKNESS[,RADIUS]; "
-            "circle:DIAMETER; tube:DIAMETER,THICKNESS; i:WIDTH,HEIGHT,WEB,FLANGE. WIDTH: horizontal; of an upright "
-            "member out of the plane of the frame. RADIUS: outer corner radius, default 2 THICKNESS (cold-formed).",
+            "circle:DIAMETER; tube:DIAMETER,THICKNESS; i:WIDTH,HEIGHT,WEB,FLANGE. WIDTH: along y, HEIGHT: in the "
+            "plane of the frame. RADIUS: outer corner radius; default: 2 THICKNESS (cold-formed); 0: sharp corners.",
         ),
     ] = None,
     beam_section: Annotated[
@@ -48,8 +48,8 @@ def structure(
         list[str] | None,
         Option(
             metavar="CHANNEL=MEMBER:DISTANCE:AXIS",
-            help="Sensor by the name of its channel, member, distance from its start [m] and axis (x, y, z; -x against "
-            "it), such as 'A1=left post:0.4:x'. Repeatable, in place of --sensors.",
+            help="Sensor by the name of its channel, member, distance from its start in metres and axis (x, y, z; -x "
+            "against it), such as 'A1=left post:0.4:x'. Repeatable, in place of --sensors.",
         ),
     ] = None,
     channels: Annotated[
@@ -69,7 +69,9 @@ def structure(
     foot_stiffness: Annotated[
         float | None,
         Option(
-            metavar="N_M_PER_RAD", help="Feet that yield: rotational stiffness about x, y and z [N m/rad], roughly."
+            metavar="N_M_PER_RAD",
+            help="Feet that yield: rotational stiffness about x, y and z [N m/rad], which `diagnose` "
+            "fits: a tenth or ten times the true one is near enough.",
         ),
     ] = None,
     pinned: Annotated[

@@ -324,7 +324,7 @@ def _lines(
         yield f'material = "{material}"\nsection = "{member.section}"\n'
     yield "# Supports: axes that are held. A yielding foot, such as a plate on bolts, has springs in their place:"
     yield '# fixed = ["x", "y", "z"], stiffness = {rx = 2e5, ry = 2e5, rz = 2e5}; N/m for x y z, N m/rad for rx ry rz.'
-    yield "# `diagnose` fits springs to the reference log: a value within a factor of two is sufficient."
+    yield "# `diagnose` fits springs to the reference log: a tenth or ten times the true value is near enough."
     yield from feet
     for at, fixed in frame.supports:
         yield _support(at, fixed)

@@ -135,7 +135,34 @@ def test_completion_script_is_written_for_a_named_shell() -> None:
 def test_unknown_command_is_answered_with_similar_ones(modalwatch: Commands) -> None:
     done = modalwatch("identfy")
     assert (done.code, done.out) == (2, "")
-    assert "No such command 'identfy'. Did you mean 'identify'?" in done.err
+    assert done.err == "error: No such command 'identfy'. Did you mean 'modalwatch identify'?\nsee modalwatch --help\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (["export"], "No such command 'export'. Did you mean 'modalwatch log export'?\nsee modalwatch --help\n"),
+        (["nw", "site"], "No such command 'nw'. Did you mean 'modalwatch new'?\nsee modalwatch --help\n"),
+        (["log", "replay"], "No such command 'replay'. Did you mean 'modalwatch replay'?\nsee modalwatch log --help\n"),
+        (["xyzzy"], "No such command 'xyzzy'.\nsee modalwatch --help\n"),
+        (["log", "info"], "Missing argument 'LOG.mcap...|DIR'.\nsee modalwatch log info --help\n"),
+        (
+            ["identify", "--structur", "a"],
+            "No such option: --structur (Possible options: --picture, --structure)\nsee modalwatch identify --help\n",
+        ),
+    ],
+)
+def test_error_of_the_command_line_is_followed_by_the_command_of_its_help(
+    modalwatch: Commands, words: list[str], error: str
+) -> None:
+    done = modalwatch(*words)
+    assert (done.code, done.out, done.err) == (2, "", f"error: {error}")
+
+
+def test_group_without_a_command_prints_its_help(modalwatch: Commands) -> None:
+    done = modalwatch("log")
+    assert done.code == 2
+    assert (done.out + done.err).startswith("Usage: modalwatch log ")
 
 
 def test_each_option_has_one_kind_of_value_in_all_commands() -> None:

@@ -172,7 +172,7 @@ def test_gain_of_an_extended_model_covers_all_modes() -> None:
     fitted = gain.model_copy(update={"heldout": False, "change_error_percent": Pair(before=5.8, after=0.13)})
     assert gain_texts(fitted, None)[:2] == [
         "on the data that it was fitted to: 5.830 -> 0.131 % rms (9 of 10 modes)",
-        "on data not used, each mode predicted from the others: 5.8 -> 0.13 % rms",
+        "on data not used (each mode predicted from a fit to the others): 5.8 -> 0.13 % rms",
     ]
     small = gain.model_copy(update={"exceeds_noise": False})
     assert "what remains is within measurement noise (0.02 %)" in gain_texts(small, None)

@@ -39,6 +39,21 @@ def test_too_deep_or_too_large_toml_is_refused(text: str) -> None:
         parse_toml(text)
 
 
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("a = 1\nb = steel\n", r"\(at line 2, column 5\): a text needs quotes: \"steel\"$"),
+        ("a = [{b = left-post}]", r": a text needs quotes: \"left-post\"$"),
+        ("a = True", r": write true$"),
+        ("a = \n", r"column 5\)$"),
+        ("a = +", r"column 5\)$"),
+    ],
+)
+def test_error_of_a_bare_word_in_toml_names_the_quotes(text: str, hint: str) -> None:
+    with pytest.raises(ValueError, match="^Invalid value .*" + hint):
+        parse_toml(text)
+
+
 @pytest.mark.parametrize("text", ["[" * 30_000, "[" * 200 + "]" * 200, "1" * 6000, "1" * 40, '{"a":' * 900])
 def test_too_deep_or_too_large_json_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"nested up to|64 bits|digits|Expecting"):

@@ -308,8 +308,8 @@ def _windows_text(logs: Logs, before: Observation | None, after: Observation) ->
     ends = (one.estimates[0] for one in (before, after) if one)
     lengths = dict.fromkeys(f"{1e-9 * (first.end - first.start):.3g} s" for first in ends)
     return (
-        f"means over windows of {' (before) and '.join(lengths)}; `identify` without --window takes "
-        "each log as one window: its values differ by up to about a standard deviation"
+        f"means over windows of {' (before) and '.join(lengths)}; without --window, `identify` evaluates each "
+        "log as one window: its frequencies differ from these by up to about a standard deviation"
     )
 
 
@@ -396,7 +396,9 @@ def _say_parameters(calibration: Calibration) -> None:
     if moved := [change for change in changes if change.listed]:
         console.print(changes_table(moved, "model parameters fitted to the reference logs"))
     if others := further_changes_text([change for change in changes if not change.listed]):
-        console.print(f"fitted to the reference logs, {others}", style="dim", markup=False)
+        spring = "; a connection that is rigid in the file is a stiff spring in the extended model"
+        rigid = any(change.before is None for change in changes if not change.listed)
+        console.print(f"also fitted to the reference logs, {others}{spring * rigid}", style="dim", markup=False)
 
 
 def _write_nearer(found: DiagnosisResult, structure_path: Path, logs: Logs, out: Path | None) -> str:

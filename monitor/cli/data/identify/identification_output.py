@@ -182,8 +182,8 @@ def _without_partner(found: Findings) -> Iterator[str]:
     if not found.nearest:
         return
     yield (
-        "without a partner in the model (a pair has a MAC of 0.5 or more, frequencies at most 30 % apart, and one "
-        "measured mode per mode of the model):"
+        "without a partner in the model (partners have a MAC of 0.5 or more and frequencies at most 30 % apart; "
+        "each mode of the model is the partner of one measured mode at most):"
     )
     same_shape = False
     for i, near in found.nearest.items():

@@ -31,7 +31,7 @@ def modes_table(sight: ModeVisibility) -> Table:
     table = new_table(right=names, no_wrap=True, title=escape(structure.name))
     for k, frequency in enumerate(sight.modes.frequency):
         best = structure.channels[int(np.argmax(np.abs(sight.at_sensors[k])))] if structure.channels else "-"
-        alike = ", ".join(str(other + 1) for other in sight.alike(k))
+        alike = ", ".join(str(other + 1) for other in sight.alike(k)) or "none"
         seen = f"{100 * sight.seen[k]:.0f} %" if sight.is_seen(k) else "no"
         table.add_row(str(k + 1), f"{frequency:.3f}", seen, escape(best), alike)
     return table
@@ -96,9 +96,10 @@ def body_table(sight: ModeVisibility, outlook: DetectabilityStudy) -> Table:
         f"Added mass: {duration_words(record.seconds)} before and after, damping {100 * record.damping:g} %, "
         f"{len(outlook.frequency)} modes up to {record.highest:g} Hz"
     )
-    names = ("smallest detectable", "at, m", "median over the member", f"{mass_words(mass)} located to ±")
+    located = f"{mass_words(mass)}, 1 % of the\nstructure, located to ±"
+    names = ("smallest detectable", "at, m", "median over the member", located)
     table = new_table(("member",), names, title=title)
-    table.add_column("blind, m")
+    table.add_column("not detectable\nfrom .. to, m")
     place, _ = outlook.bound(mass)
     members = outlook.reference.structure.member
     median = [float(np.median(sight.weakest[outlook.member == m])) for m in range(len(members))]
@@ -112,7 +113,7 @@ def body_table(sight: ModeVisibility, outlook: DetectabilityStudy) -> Table:
             f"{outlook.places.position[least]:.2f}",
             mass_words(median[m]),
             _millimetres(1000 * float(np.median(place[here]))),
-            stretches_text(blind(outlook, sight.weakest.tolist(), m)),
+            stretches_text(blind(outlook, sight.weakest.tolist(), m)) or "none",
         )
     return table
 
