@@ -73,7 +73,10 @@ def _run() -> int:
     except UsageError as error:
         _show(error)
         return WRONG_INPUT
-    except (KeyboardInterrupt, typer.Abort):
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except typer.Abort:
+        typer.echo(err=True)  # ends the line of the prompt
         return INTERRUPTED
     except Exception as error:  # noqa: BLE001 - the daemon's edge: nothing may leave without an exit code
         return explain(error, debug=any(_debug))
