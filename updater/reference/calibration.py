@@ -342,9 +342,8 @@ class _Misfit:
         n_modes: int,
     ) -> None:
         self._structure, self._knobs, self._measured, self._n_modes = structure, knobs, measured, n_modes
-        tolerance = np.hypot(np.hypot(measured.log_frequency_std, FREQUENCY_ERROR), mesh_error)
-        common = COMMON_MESH_ERROR * mesh_error
-        self._whitener = np.linalg.inv(np.linalg.cholesky(np.diag(tolerance**2) + np.outer(common, common)))
+        variance = measured.log_frequency_std**2 + FREQUENCY_ERROR**2
+        self._whitener = np.linalg.inv(np.linalg.cholesky(np.diag(variance) + mesh_covariance(mesh_error)))
         self._solved = lru_cache(2)(self._solve)  # a step that failed, and the parameters before it
 
     def _solve(self, *x: float) -> tuple[Model, Modes, IndexArray]:
@@ -418,6 +417,12 @@ def spring_of(model: Model, knob: ModelParameter) -> tuple[FloatArray, float]:
     if isinstance(connection, Joint):
         return model.joint_rows(connection, TURNS.index(knob.axis)), stiffness
     return model.node_rows(connection.at, AXES.index(knob.axis)), stiffness
+
+
+def mesh_covariance(mesh_error: FloatArray) -> FloatArray:
+    """Return the covariance (n, n) of ln f by a mesh: an error of each mode (n,), and one with a factor for all."""
+    common = COMMON_MESH_ERROR * mesh_error
+    return np.asarray(np.diag(mesh_error**2) + np.outer(common, common))
 
 
 def best_model(structure: Structure) -> Model:

@@ -12,7 +12,7 @@ from oma import mac_matrix, pair_modes
 from updater.fe import Model, Modes
 from updater.modal_data import BaselineModes, DeviceDelays, ModalMean, Scatter, TrackedModes
 from updater.quantities import ASKEW_STD
-from updater.reference.calibration import Calibration, channel_rows
+from updater.reference.calibration import Calibration, channel_rows, mesh_covariance
 from updater.reference.expansion import LARGEST_CLUSTER, expand, orthonormal
 from updater.structure import Structure
 
@@ -75,13 +75,15 @@ class Reference:
     def model_error_factor(self) -> float:
         """Factor on the model error, relative to a model that agrees with the baseline as it should.
 
-        At least 1. Errors of the model in the undisturbed state increase it, such as a body missing in the file; those
-        of its mesh are expected, and are an error of their own. An uncertain baseline is weak evidence for a good
-        model.
+        At least 1: the rms of the whitened differences of frequencies. Errors of the model in the undisturbed state
+        increase it, such as a body missing in the file; those of its mesh are expected, and are an error of their own.
+        An uncertain baseline is weak evidence for a good model.
         """
-        expected = np.hypot(_GOOD, self.calibration.mesh_error[self.paired])
-        off = np.maximum(np.abs(self._log_frequency_errors), self.baseline.log_frequency_std)
-        return float(max(np.sqrt(np.mean((off / expected) ** 2)), 1.0))
+        mesh = self.calibration.mesh_error[self.paired]
+        expected = np.linalg.cholesky(_GOOD**2 * np.eye(len(mesh)) + mesh_covariance(mesh))
+        errors = self._log_frequency_errors
+        off = np.copysign(np.maximum(np.abs(errors), self.baseline.log_frequency_std), errors)
+        return float(max(np.sqrt(np.mean(np.linalg.solve(expected, off) ** 2)), 1.0))
 
     @property
     def frequency_error(self) -> float:

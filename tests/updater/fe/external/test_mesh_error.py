@@ -1,11 +1,13 @@
 """Errors of frequencies by the mesh of external matrices: closed form, and a table of two meshes."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from daq import FloatArray
 from monitor.text.diagnosis import next_text
 from tests.support.opensees import needs_opensees
 from tests.support.thorough import few_of
@@ -25,6 +27,7 @@ from updater import (
 from updater.diagnosis import Misfit
 from updater.fe.external.faces import Faces
 from updater.inference.shape_covariance import shape_error_of_mesh
+from updater.reference import COMMON_MESH_ERROR
 
 pytestmark = needs_opensees
 
@@ -138,6 +141,25 @@ def test_groups_do_not_replace_the_error_of_a_mesh(tmp_path: Path) -> None:
     print(factors)
     assert all(abs(value - 1) < 0.05 for name, value in factors.items() if "panel" in name)
     assert all(abs(value - 1) < 0.3 for name, value in factors.items() if "foot" in name)
+
+
+def test_expected_errors_of_a_mesh_are_no_error_of_the_model(tmp_path: Path) -> None:
+    """One deviation of the common error c has c' inv(C) c < 1, with C = D + c c': a factor of 1 over all modes.
+
+    Three deviations of the errors of single modes, of alternating signs, are not expected.
+    """
+    reference = _learnt(tmp_path, 1)
+    error = reference.calibration.mesh_error[reference.paired]
+    calibrated = np.log(reference.calibration.modes.frequency[reference.paired])
+
+    def factor(off: FloatArray) -> float:
+        baseline = replace(reference.baseline, log_frequency=calibrated - off)
+        return replace(reference, baseline=baseline).model_error_factor
+
+    assert factor(COMMON_MESH_ERROR * error) == factor(-COMMON_MESH_ERROR * error) == 1.0
+    alternating = 3 * error * np.where(np.arange(len(error)) % 2, -1, 1)
+    print(reference.model_error_factor, factor(alternating))
+    assert 2.5 < factor(alternating) < 3.0
 
 
 def test_coarse_mesh_is_named_as_a_reason_why_nothing_fits(tmp_path: Path) -> None:
