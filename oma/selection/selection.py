@@ -74,17 +74,26 @@ def groups(
 
 
 def _joined(distance: FloatArray, cut: float) -> Iterator[tuple[int, int]]:
-    """Yield the pairs that average linkage joins up to a mean distance, nearest first; the second joins the first."""
-    n = len(distance)
+    """Yield the pairs that average linkage joins up to a mean distance, nearest first; the second joins the first.
+
+    The nearest neighbour of each row is kept: a mean is no less than both distances, so that a join alters only the
+    rows that had one of the two.
+    """
+    distance[~np.isfinite(distance)] = np.inf  # a shape that is not finite is like no other
     np.fill_diagonal(distance, np.inf)
-    size = np.ones(n)
-    while distance.flat[nearest := int(distance.argmin())] < cut:
-        left, right = divmod(nearest, n)
+    size, nearest, least = np.ones(len(distance)), distance.argmin(1), distance.min(1)
+    while least[left := int(least.argmin())] < cut:
+        right = int(nearest[left])
         yield left, right
         mean = (size[left] * distance[left] + size[right] * distance[right]) / (size[left] + size[right])
+        mean[left] = np.inf
         distance[left] = distance[:, left] = mean
-        distance[left, left] = distance[right] = distance[:, right] = np.inf
+        distance[right] = distance[:, right] = np.inf
         size[left] += size[right]
+        altered = (nearest == left) | (nearest == right)  # the first among them
+        altered[right] = True
+        rows = distance[altered]
+        nearest[altered], least[altered] = rows.argmin(1), rows.min(1)
 
 
 def _side_by_side(a: set[int], b: set[int]) -> bool:

@@ -190,9 +190,14 @@ def _half_widths(frequency: float, damping: float) -> tuple[float, float]:
 
 
 def _variation(lines: ComplexArray, complete: BoolArray, centre: float, half_width: float) -> float:
-    """Return the variance of the power of a band's envelope over its mean squared; centre and width in lines."""
+    """Return the variance of the power of a band's envelope over its mean squared; centre and width in lines.
+
+    Infinite, which is no sign of a tone, where the spectrum has too few lines of the band.
+    """
     reach = max(half_width, _MIN_LINES)
     first, last = max(round(centre - reach), 1), min(round(centre + reach), len(lines) - 1)
+    if last - first < _MIN_LINES - 1:
+        return np.inf
     n = fast_length(4 * (last - first + 1))  # so many points that the power, of twice the band, is resolved
     band = np.zeros(n, dtype=np.complex128)
     band[: last - first + 1] = lines[first : last + 1]

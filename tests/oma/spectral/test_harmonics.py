@@ -10,7 +10,7 @@ from daq import Recording
 from oma import ComplexArray, ModalEstimate, identify_all
 from oma.selection import Selection
 from oma.spectral import LineClasses, classify
-from oma.spectral.harmonics import _multiples, steadiest
+from oma.spectral.harmonics import _multiples, _variation, steadiest
 from oma.spectral.narrow_band import LineTest, line_test
 from tests.support.oma.scenes import RATE, SCENES, Tone, tower, with_tone
 from tests.support.oma.structures import Structure, simulate
@@ -112,6 +112,12 @@ def test_band_without_samples_between_gaps_is_not_tested() -> None:
     """Each gap spoils its neighbours; three in five samples are there."""
     complete = np.tile(np.repeat([1.0, 0.0], [12, 8]), 50)
     assert line_test(np.ones(400, np.complex128), 200, 32, complete, 1.0) is None
+
+
+@pytest.mark.parametrize(("n_lines", "centre"), [(1, 0.0), (2, 1.0), (7, 3.0), (100, 150.0), (100, 110.0)])
+def test_band_with_too_few_lines_is_not_steady(n_lines: int, centre: float) -> None:
+    """The power of a single line is constant, as that of a tone."""
+    assert _variation(np.ones(n_lines, np.complex128), np.ones(2 * n_lines, bool), centre, 2.0) == np.inf
 
 
 @pytest.mark.parametrize("noise", [1e-5, 1e-2, 1.0])
