@@ -7,8 +7,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from daq import Channel, read_attachments
-from daq.log import log_span
-from monitor.analysis.logs import log_channels, log_rate
+from monitor.analysis.logs import log_channels, log_held, log_rate
 from monitor.settings import Settings, load_settings, parse_attached
 from oma.preparation import PASS, TOP
 from updater import Structure
@@ -24,7 +23,7 @@ class ChannelCheck:
     path: Path  #: settings or log
     n_channels: int
     highest: float  #: highest frequency of identified modes [Hz]
-    seconds: float | None  #: length of the log; None for settings
+    seconds: float | None  #: length of a log's data without pauses; None if there are none, and for settings
     without_sensor: tuple[str, ...]  #: channels that are no sensor of the structure
     without_channel: tuple[str, ...]  #: sensors that nothing measures
 
@@ -61,10 +60,9 @@ def _of_settings(settings: Settings) -> tuple[tuple[Channel, ...], float]:
 
 
 def _of_log(path: Path) -> tuple[tuple[Channel, ...], float, float | None]:
-    """Return the same of a log, and its length if it has samples; one that was imported without a site has one rate."""
+    """Return the same of a log, and the length of its data; one that was imported without a site has one rate."""
     channels, attached = log_channels(path), read_attachments(path)
-    start, stop = log_span(path) or (0, 0)
-    seconds = 1e-9 * (stop - start) or None
+    seconds = log_held(path).seconds or None  # without pauses
     if "site.toml" not in attached:
         return channels, PASS * log_rate(path), seconds
     return channels, _of_settings(parse_attached(attached["site.toml"], f"{path}: site.toml"))[1], seconds

@@ -8,7 +8,7 @@ from scipy.spatial.distance import squareform
 from oma.mac import mac_matrix
 from oma.selection.selection import MIN_MEMBERS, groups
 
-SHAPES = np.random.default_rng(0).standard_normal((12, 4)) + 0j
+SHAPES = np.random.default_rng(0).standard_normal((12, 4)).astype(np.complex128)
 
 
 def test_groups_of_different_orders_are_those_of_average_linkage() -> None:

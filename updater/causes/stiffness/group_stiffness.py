@@ -132,7 +132,15 @@ def propose_group_stiffness(reference: Reference, comparison: Comparison) -> Gro
 
 
 def _is_grounded(dofs: IntArray, part: sparse.csc_array) -> bool:
-    """Return whether the stiffness of a group resists a translation, as springs to the ground and clamped feet do."""
+    """Return whether a group holds the structure: it resists a translation, as clamped feet, or couples no two nodes.
+
+    The latter are springs to the ground, also those against rotation alone.
+    """
+    node = np.zeros(part.shape[0], np.intp)
+    node[dofs[dofs >= 0]] = np.nonzero(dofs >= 0)[0]
+    row, column = part.nonzero()
+    if np.array_equal(node[row], node[column]):
+        return True
     translation = np.zeros((part.shape[0], 3))
     for axis in range(3):
         free = dofs[:, axis] >= 0

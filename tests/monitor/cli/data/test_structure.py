@@ -241,6 +241,11 @@ def test_record_is_as_long_as_the_log_of_the_channels(modalwatch: Commands, tmp_
     assert modalwatch("import", table, "-o", log).code == 0
     for options, title in (((), "10 min before and after"), (("--channels", log), "30 s before and after")):
         assert title in modalwatch("structure", bar, "--modes", 3, *options).out
+    pausing, paused = tmp_path / "pausing.csv", tmp_path / "pausing.mcap"
+    rows = "".join(f"{i / 1000 + 3600 * (i >= 15_000):.3f},{i % 7},{i % 5}\n" for i in range(30_000))
+    pausing.write_text("t,s0,s1\n" + rows)
+    assert modalwatch("import", pausing, "-o", paused).code == 0
+    assert "30 s before and after" in modalwatch("structure", bar, "--modes", 3, "--channels", paused).out
     done = modalwatch("structure", bar, "--channels", log, "--record-seconds", 1200)
     assert "20 min before and after" in done.out
 

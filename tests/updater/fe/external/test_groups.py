@@ -270,6 +270,24 @@ def _coupled(k: sparse.csc_array) -> sparse.csc_array:
     return sparse.csc_array(([value, value], ([first, second], [second, first])), shape=k.shape)
 
 
+@pytest.mark.parametrize(("axes", "coupled", "expected"), [((3, 4), False, 1.0), ((2,), False, 1.0), ((2,), True, 0.5)])
+def test_error_of_a_group_by_the_mesh_is_half_unless_it_holds_the_structure(
+    own: Reference, axes: tuple[int, ...], coupled: bool, expected: float
+) -> None:
+    """Springs to the ground against rotations or translations, and a spring between two nodes."""
+    first, second = own.model.dofs[:2, axes]
+    row = np.zeros((len(first), own.model.n_dofs))
+    row[np.arange(len(first)), first] = 1.0
+    if coupled:
+        row[np.arange(len(first)), second] = -1.0
+    groups = {"part": sparse.csc_array(1e5 * row.T @ row)}
+    calibration = replace(own.calibration, model=replace(own.model, groups=groups))
+    reference = replace(own, calibration=calibration)
+    cause = CATALOGUE["local_stiffness"].propose(reference, compare(own, own.baseline))
+    assert isinstance(cause, GroupStiffness)
+    np.testing.assert_array_equal(cause.mesh_share, expected)
+
+
 def test_group_changes_once_in_an_answer_of_several_causes(own: Reference) -> None:
     """Both starts of a chosen group are excluded; those of the others are not."""
     cause = CATALOGUE["local_stiffness"].propose(own, compare(own, own.baseline))
