@@ -116,7 +116,7 @@ def explain(
         If fewer than three modes can be compared, or modes are invalid; names the state.
     """
     steps: tuple[ReferenceStep, ...] = ()
-    with _blamed_on("reference" if before else "current", structure, before or now):
+    with _errors_of_state("reference" if before else "current", structure, before or now):
         if before:
             before, steps = of_one_state(before)
             reference = reference_of(structure, before)
@@ -125,14 +125,14 @@ def explain(
             fixed = structure.model_copy(update={"updating": Updating(fixed=("*",))})
             filed = structure if _FILE_MAY_BE_OFF in allowed_causes(only, without) else fixed
             reference = nominal_reference(filed, now.modes, devices, stated=now.stated)
-    with _blamed_on("heldout"):
+    with _errors_of_state("heldout"):
         unused = _event(reference, heldout, before) if heldout else None
-    with _blamed_on("mass"):
+    with _errors_of_state("mass"):
         known = tuple(
             KnownMass(mass=one.mass, position=one.position, modes=_event(reference, one.observation, before).modes)
             for one in with_mass
         )
-    with _blamed_on("current"):
+    with _errors_of_state("current"):
         event = _event(reference, now, before)
         work = replace(effort or Effort(), record=event.circumstances.effort.record)
         signals = None
@@ -221,14 +221,18 @@ def reference_of(structure: Structure, before: Observation) -> Reference:
 
 
 @contextmanager
-def _blamed_on(state: State, structure: Structure | None = None, seen: Observation | None = None) -> Iterator[None]:
+def _errors_of_state(
+    state: State, structure: Structure | None = None, seen: Observation | None = None
+) -> Iterator[None]:
     """Raise StateError for modes that cannot be compared; of a structure and its modes, with the likely cause."""
     try:
         yield
     except (ModalDataError, PairingError) as error:
         exchanged = None
         if structure and seen and isinstance(error, PairingError):
-            exchanged = exchanged_sections(structure, mean_modes(seen.modes))
+            exchanged = run_optional(
+                "the test of the sections' orientation", lambda: exchanged_sections(structure, mean_modes(seen.modes))
+            )
         raise StateError(state, f"{error}. {exchanged_text(exchanged)}" if exchanged else str(error)) from error
 
 

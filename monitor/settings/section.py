@@ -55,8 +55,14 @@ class Section(Table):
 
 
 def descriptions(section: type[BaseModel]) -> Mapping[str, str]:
-    """Return the description of each field, from the source: read only on request, as it takes a millisecond."""
-    [definition] = ast.parse(inspect.getsource(section)).body
+    """Return the description of each field, from the source; none if the source is not installed.
+
+    Read only on request, as it takes a millisecond.
+    """
+    try:
+        [definition] = ast.parse(inspect.getsource(section)).body
+    except OSError:
+        return {}
     return {
         field.target.id: inspect.cleandoc(text.value.value)
         for field, text in pairwise(getattr(definition, "body", ()))

@@ -44,7 +44,11 @@ def annotated(settings: Settings = EXAMPLE) -> str:
     """Return settings as TOML that reads back equal, each with its description; secrets as `**********`."""
     plain = {name: field for name, field in Settings.model_fields.items() if section_of(field.annotation) is None}
     meaning = descriptions(Settings)
-    blocks = ["\n".join(_setting(name, field, getattr(settings, name), meaning[name]) for name, field in plain.items())]
+    blocks = [
+        "\n".join(
+            _setting(name, field, getattr(settings, name), meaning.get(name, "")) for name, field in plain.items()
+        )
+    ]
     for name, field in Settings.model_fields.items():
         section = section_of(field.annotation)
         if section is None:
@@ -68,7 +72,7 @@ def _table(head: str, section: type[Any], given: Section | None) -> Iterator[str
         if below is not None:
             inner.append((f"[{head.strip('[]')}.{name}]", below, value))
         else:
-            lines.append(_setting(name, field, value, meaning[name]))
+            lines.append(_setting(name, field, value, meaning.get(name, "")))
     yield "\n".join(lines)
     for head_below, below, value in inner:
         yield from _table(head_below, below, value)
@@ -82,11 +86,12 @@ def _given(head: str, section: Section) -> str:
 
 def _setting(name: str, field: FieldInfo, value: Any, description: str) -> str:  # noqa: ANN401 - of any setting
     comment = _comment(description)
+    above = f"{comment}\n" if comment else ""
     if value is None:
         default = None if field.is_required() else field.default
         shown = (field.examples or [None])[0] if default is None or (default == () and field.examples) else default
-        return f"{comment}\n#{name} = {_toml(shown)}"
-    return f"{comment}\n{name} = {_toml(value)}"
+        return f"{above}#{name} = {_toml(shown)}"
+    return f"{above}{name} = {_toml(value)}"
 
 
 def _comment(text: str) -> str:

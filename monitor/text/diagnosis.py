@@ -127,7 +127,7 @@ def next_text(found: NextMeasurement) -> str:
     """Return in sentences what to measure next."""
     if isinstance(found, Misfit):
         of_mesh = _mesh_text(*found.mesh) if found.mesh else ""
-        of_model = of_mesh + (_model_text(found.model) if found.model else "")
+        of_model = of_mesh + (_model_text(found.model, of_matrices=found.of_matrices) if found.model else "")
         return (
             f"{of_model}Check the sensors and the structure file, and measure again. "
             f"The best hypothesis ({_joint(found.causes)}) leaves {_misfit_text(found)}."
@@ -145,12 +145,12 @@ def _mesh_text(error: float, elements: int) -> str:
     )
 
 
-def _model_text(error: float) -> str:
+def _model_text(error: float, *, of_matrices: bool) -> str:
     """Return the advice for a model that is wrong in the undisturbed state."""
+    solids = "Solids need elements of second order, as those of first order are too stiff in bending. "
     return (
         f"The calibrated model's frequencies differ from the baseline's by up to {100 * error:.1f} %: changes of such "
-        "a model are not those of the structure. Solids need elements of second order, as those of first order are too "
-        "stiff in bending. "
+        f"a model are not those of the structure. {solids if of_matrices else ''}"
     )
 
 

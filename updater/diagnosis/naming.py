@@ -415,7 +415,14 @@ def misfit(reference: Reference, data: Comparison, chosen: Sequence[SelectedCaus
     error = float(data.mesh_error.max())
     mesh = (error, int(np.ceil(np.sqrt(error / MODEL_ERROR)))) if error > _COARSE_MESH else None
     model = reference.frequency_error if reference.model_error_factor > _POOR_MODEL else None
-    return Misfit(causes=tuple(c.cause.name for c in chosen), frequency=far, shape=shape, mesh=mesh, model=model)
+    return Misfit(
+        causes=tuple(c.cause.name for c in chosen),
+        frequency=far,
+        shape=shape,
+        mesh=mesh,
+        model=model,
+        of_matrices=reference.structure.external is not None,
+    )
 
 
 def as_written(cause: Cause, structure: Structure, file: Structure) -> Cause:

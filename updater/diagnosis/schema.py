@@ -104,6 +104,7 @@ class Misfit(PlainValue):
     mesh: tuple[float, int] | None = None
     #: largest relative difference of the calibrated model's frequencies from the baseline's; None if as of a good model
     model: float | None = None
+    of_matrices: bool = False  #: whether the model is of external matrices
 
 
 #: what is to be measured next; of an explanation that nothing is to be separated from, the advice of its causes

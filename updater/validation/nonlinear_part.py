@@ -14,6 +14,7 @@ import scipy  # its parts at their first use
 
 from daq import FloatArray, IndexArray, Recording
 from oma import ComplexArray
+from oma.preparation import PASS
 from oma.spectral import spectral_matrix
 from updater.causes import LocalStiffness, Springs
 from updater.errors import ModalDataError
@@ -34,7 +35,6 @@ ONE_AXIS = 0.1  #: flexibility about an axis, over that about the most affected 
 PROBABLE = 10.0  #: of log density: a less probable place is left out
 _LEAST = 1e-9  # of the power at a line, added to every channel
 _NOISE = 0.25  # quantile of the eigenvalues of the spectral matrix that is taken for noise
-_PASSED = 0.4  # of the rate: filters against aliasing leave lower frequencies unchanged
 _RANGE = 1.2  # of frequency, each way, within which forces are white
 #: standard deviation of r over that of s, relative to that by the model; its logarithm is uncertain by 0.4: variances
 #: by 0.65 for forces at a few points, which are not alike on all modes, 0.4 for damping and 0.3 for shapes
@@ -116,7 +116,7 @@ class SignalWindow:
     def __init__(self, band: tuple[float, float], at_channels: FloatArray, data: FloatArray, rate: float) -> None:
         self.rate, self.n = rate, len(data)
         self._data, self._at_channels = data, at_channels
-        self._limits = band[0], min(band[1], _PASSED * rate)
+        self._limits = band[0], min(band[1], PASS * rate)
         lines: FloatArray = np.fft.rfftfreq(self.n, 1 / rate).astype(np.float64)
         self._band = np.flatnonzero((self._limits[0] <= lines) & (lines <= self._limits[1]))
         self._lines = lines[self._band]
@@ -142,7 +142,7 @@ class SignalWindow:
             _, data = gapless_part(recording, tuple(comparison.channels[k] for k in known))
         except ModalDataError:
             return None
-        if len(data) < BLOCKS * _SEGMENTS * len(known) or state.band[0] > _PASSED * recording.rate:
+        if len(data) < BLOCKS * _SEGMENTS * len(known) or state.band[0] > PASS * recording.rate:
             return None
         if (np.ptp(data, axis=0) == 0).any():
             return None

@@ -1,5 +1,6 @@
 """The printed defaults: their meaning, and that the program reads the same."""
 
+import json
 import re
 import tomllib
 from typing import Any
@@ -10,6 +11,7 @@ from pydantic import BaseModel
 from monitor.settings import EXAMPLE, TemperatureSettings, annotated, parse_settings
 from monitor.settings.reading import section_of
 from monitor.settings.schema import Settings
+from monitor.settings.template import json_schema
 from tests.support.monitor.cli import Commands
 
 
@@ -22,6 +24,17 @@ def test_printed_defaults_equal_the_program_defaults(modalwatch: Commands) -> No
         if section is not None and name not in {"device", "sensor", "notify"} and field.default is not None:
             assert section.model_validate(given[name]) == field.default
     assert set(given["device"][0]) == {"name", "driver", "port", "rate", "channels"}
+
+
+def test_settings_are_printed_without_descriptions_if_the_source_is_not_installed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def missing(section: object) -> str:
+        raise OSError("could not get source code")
+
+    monkeypatch.setattr("inspect.getsource", missing)
+    assert parse_settings(annotated()) == EXAMPLE
+    assert "description" not in json.loads(json_schema())["$defs"]["AlarmSettings"]["properties"]["clear_below"]
 
 
 def uncommented() -> dict[str, Any]:

@@ -129,3 +129,11 @@ def test_fitting_frequency_is_not_reported_as_outlier() -> None:
     assert far is not None
     assert far[1] > 2
     assert next_text(reported(3.0)).endswith(f"{far[1]:.0f} standard deviations off.")
+
+
+@pytest.mark.parametrize("of_matrices", [True, False])
+def test_poor_model_of_members_gets_no_advice_on_solids(of_matrices: bool) -> None:
+    found = Misfit(causes=("added_mass",), frequency=None, shape=None, model=0.043, of_matrices=of_matrices)
+    text = next_text(found)
+    assert text.startswith("The calibrated model's frequencies differ from the baseline's by up to 4.3 %")
+    assert ("Solids need elements" in text) == of_matrices

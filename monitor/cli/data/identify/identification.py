@@ -45,6 +45,7 @@ FOLDER_FILES = (
     *("responses.png", "mac.png", "shapes.png", "complexity.png", "tracks.png"),
 )  #: that `--out` may write
 _KEPT_BYTES = 40 << 20  # of a window: 400 s of 12 channels at 1 kHz
+_FEWEST_CALIBRATED = 3  # modes that a model can be calibrated to
 
 
 def logs_within(paths: Sequence[Path], within: TimeRange, *, setups: bool) -> Sequence[AnyLog]:
@@ -290,7 +291,9 @@ def paired_modes(
 
 
 def exchanged_in(model: "ModelModes | None", estimate: ModalEstimate, rate: float) -> "ExchangedSections | None":
-    """Return sections of a structure file with exchanged dimensions, by measured modes; None without a structure.
+    """Return sections of a structure file with exchanged dimensions, by measured modes.
+
+    None without a structure, and for fewer modes than a model can be calibrated to.
 
     Parameters
     ----------
@@ -298,14 +301,17 @@ def exchanged_in(model: "ModelModes | None", estimate: ModalEstimate, rate: floa
     estimate : measured modes; those that may be aliases are not used
     rate : of the logs [Hz]
     """
-    if model is None:
+    used = np.flatnonzero(estimate.frequency <= ALIAS_FREE * rate)
+    if model is None or len(used) < _FEWEST_CALIBRATED:
         return None
     from updater import stack_tracks  # slow to import
     from updater.modal_data import mean_modes
     from updater.reference import exchanged_sections
 
-    modes = mean_modes(stack_tracks([estimate], [np.flatnonzero(estimate.frequency <= ALIAS_FREE * rate)]))
-    return run_optional("the test of the sections' orientation", lambda: exchanged_sections(model.structure, modes))
+    return run_optional(
+        "the test of the sections' orientation",
+        lambda: exchanged_sections(model.structure, mean_modes(stack_tracks([estimate], [used]))),
+    )
 
 
 def sensor_positions(estimate: ModalEstimate, given: Attached, site: Path | None) -> "SensorGeometry | None":

@@ -104,14 +104,15 @@ def import_(
     modalwatch import numbers.txt -o before.mcap --columns t,top_x,top_y --unit mV --sensitivity '100 mV/g'
     modalwatch import logger/*.csv -o days.mcap --structure structure.toml --new-site site.toml
     """
-    from daq import DataOptions
+    from daq import DataOptions, read_attachments
     from daq.files import CAN_LOGS, is_table
     from monitor.cli.data.importing.can_traffic import import_can_traffic, one_sensor, site_sensors
     from monitor.cli.data.importing.measurements import columns_of, data_options, import_measurements, start_of
     from monitor.cli.output import check_outputs, replacing
     from monitor.errors import ArgumentError
 
-    for log in (path for path in data if path.suffix == ".mcap"):
+    if log := next((path for path in data if path.suffix == ".mcap"), None):
+        read_attachments(log)  # of another program's, or of none, this is the error
         raise ArgumentError("DATA", f"{log} is a log already: `identify`, `diagnose` and `replay` read it")
     bus = [path for path in data if path.suffix.lower() in CAN_LOGS]
     can = dbc is not None or (bool(bus) and (site is not None or not is_table(bus[0])))  # DASYLab's tables are .asc too

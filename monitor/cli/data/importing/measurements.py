@@ -97,10 +97,11 @@ def _write(
 def _say(out: Path, recordings: Sequence[Recording], parts: Sequence[Measured], new_site: Path | None) -> None:
     """Print the result and its interpretation."""
     gaps = [gap for recording in recordings for gap in recording.gaps]
+    missing = sum(gap.stop - gap.start for gap in gaps)
     seconds, rate = sum(recording.duration for recording in recordings), recordings[0].rate
     echo(
         f"{out}: {counted(len(recordings[0].channels), 'channel')}, {seconds:.6g} s at {rate:.6g} Hz, "
-        f"{counted(len(gaps), 'gap')} ({sum(gap.stop - gap.start for gap in gaps)} samples){level(recordings)}"
+        f"{counted(len(gaps), 'gap')} ({counted(missing, 'sample')}){level(recordings)}"
     )
     if len(recordings) > 1:
         echo(_sequence(recordings))

@@ -46,7 +46,7 @@ def test_import_prints_a_summary_of_the_written_log(modalwatch: Commands, table:
     values = np.genfromtxt(table, delimiter=",", skip_header=1)[:, 1:]
     least, most = sorted(9.80665 * np.nanstd(values, axis=0))
     level = f"rms {least:.2g} to {most:.2g} m/s2"
-    assert done.out == f"{tmp_path}/log.mcap: 2 channels, 3 s at 100 Hz, 1 gap (1 samples), {level}\n"
+    assert done.out == f"{tmp_path}/log.mcap: 2 channels, 3 s at 100 Hz, 1 gap (1 sample), {level}\n"
     found = imported(tmp_path / "log.mcap")
     np.testing.assert_allclose(found.data, 9.80665 * values, rtol=0, atol=1e-7)
     assert found.start == 1_767_225_600_000_000_000

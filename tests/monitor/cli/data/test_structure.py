@@ -315,6 +315,9 @@ def test_file_that_is_no_structure_is_refused(modalwatch: Commands, tmp_path: Pa
     assert modalwatch("import", table, "-o", log).code == 0
     assert_refused(modalwatch("structure", log), f"{log}: expected a structure file, found no text in UTF-8")
     assert_refused(modalwatch("import", log, "-o", tmp_path / "b.mcap"), f"DATA: {log} is a log already")
+    (tmp_path / "ros.mcap").write_bytes(bytes(200))
+    for foreign, text in ((tmp_path / "none.mcap", "cannot be read"), (tmp_path / "ros.mcap", "is not an MCAP log")):
+        assert_refused(modalwatch("import", foreign, "-o", tmp_path / "b.mcap"), f"{foreign}: {text}")
     missing = f"{tmp_path / 'none.toml'}: cannot be read: No such file or directory\n"
     assert_refused(modalwatch("structure", tmp_path / "none.toml"), missing)
     history = tmp_path / "none.db"

@@ -152,7 +152,7 @@ def _measured() -> Solid:
 
 @dataclass(frozen=True, kw_only=True)
 class Bracket:
-    """The measured bracket, with what the file does not know."""
+    """The measured bracket, with its differences from the file."""
 
     modulus: float = 1.0  #: of the metal, relative to the file
     density: float = 1.0  #: of all, relative to the file
