@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from types import MappingProxyType
 
 import numpy as np
@@ -22,6 +23,8 @@ from updater.modal_data import NOTHING_REMOVED, SynchronizedWindows, choose_trac
 
 _PERIODS = 250  # periods of the structure's first mode in a window, required for identification
 _FEWEST_PERIODS = 100  # in a window in which identification seeks the first mode at all
+_SUFFICIENT_PERIODS = 200  # of a measured mode below the model's first one, from which windows are not lengthened
+_PILOT_PERIODS = 1000  # of the structure's first mode in a window that seeks lower ones, down to a tenth of it
 _MAX_WINDOWS = 24
 _MIN_WINDOWS = 3  # from which their own scatter is learned
 _IN_TIME: Mapping[str, float] = MappingProxyType({})
@@ -47,6 +50,13 @@ class Observation:
         return stack_tracks(self.estimates, self.tracks)
 
     @property
+    def lowest_frequency(self) -> float:
+        """Lowest frequency of a mode, as the mean over the windows [Hz]; infinite without modes."""
+        if not self.estimates:
+            return math.inf
+        return float(np.exp(np.nanmean(self.modes.log_frequency, axis=0).min(initial=np.inf)))
+
+    @property
     def conditions(self) -> Conditions:
         """In the windows that gave modes."""
         return Conditions(
@@ -66,7 +76,13 @@ class Observation:
         )
 
 
-def window_seconds(structure: Structure, shortest: float, n_logs: int = 1, record: float = math.inf) -> float:
+def window_seconds(
+    structure: Structure,
+    shortest: float,
+    n_logs: int = 1,
+    record: float = math.inf,
+    lowest_measured: float = math.inf,
+) -> float:
     """Return the length [s] of the windows that logs are cut into.
 
     Parameters
@@ -75,13 +91,15 @@ def window_seconds(structure: Structure, shortest: float, n_logs: int = 1, recor
     shortest : duration of the shortest log [s]
     n_logs : how many there are
     record : length of a record of a logger that pauses, in which a window lies if it can [s]
+    lowest_measured : frequency of the lowest measured mode [Hz]; where it is far below the structure's first mode, the
+        windows are as long as it requires, as far as three of them exist
 
     Raises
     ------
     RecordLengthError
         If there is too little for three windows.
     """
-    first = float(build_model(structure, shear_flexible=True, mass="consistent").modes(1).frequency[0])
+    first = _first_frequency(structure)
     need = _PERIODS / first
     n = min(max(1, _MAX_WINDOWS // n_logs), int(shortest / need))
     if n * n_logs < _MIN_WINDOWS:
@@ -95,9 +113,30 @@ def window_seconds(structure: Structure, shortest: float, n_logs: int = 1, recor
             f"expected at least {_MIN_WINDOWS * need:.0f} s, three windows of {_PERIODS} periods of the first mode "
             f"at {first:.3g} Hz; found {n_logs * shortest:.0f} s{way_out}"
         )
+    if shortest / n * lowest_measured < _SUFFICIENT_PERIODS:
+        need = _PERIODS / lowest_measured
+        n = min(n, max(int(shortest / need), -(-_MIN_WINDOWS // n_logs)))
     seconds = shortest / n
     parts = min(math.ceil(record / seconds), int(record / need)) if math.isfinite(record) else 0
     return record / parts if parts else seconds
+
+
+def pilot_seconds(structure: Structure, shortest: float, n_logs: int = 1, record: float = math.inf) -> float:
+    """Return the length [s] of windows that show modes far below the structure's first one; others as above."""
+    return min(shortest / -(-_MIN_WINDOWS // n_logs), record, _PILOT_PERIODS / _first_frequency(structure))
+
+
+def lowest_frequency(recordings: Iterable[Recording]) -> float:
+    """Return the lowest frequency [Hz] of a mode that most of the first three windows have; infinite without one."""
+    try:
+        return observe(islice(recordings, _MIN_WINDOWS)).lowest_frequency
+    except IdentificationError:
+        return math.inf
+
+
+def _first_frequency(structure: Structure) -> float:
+    """Return the frequency of the first mode [Hz]."""
+    return float(build_model(structure, shear_flexible=True, mass="consistent").modes(1).frequency[0])
 
 
 def observe(

@@ -354,6 +354,18 @@ def unmeasured_text(found: DiscrepancyResult) -> str:
     return f"not measured, neither before nor now: {count} of the model, {_range_text(absent)} Hz"
 
 
+def lost_modes_text(found: DiscrepancyResult) -> str:
+    """Return which modes of the reference logs the current ones lack, and the remedy; empty for none."""
+    lost = [mode.simulated for mode in found.listed if mode.measured is None and mode.simulated is not None]
+    if not lost or not found.measured_before:
+        return ""
+    names = ", ".join(f"{value:.4g}" for value in lost)
+    return (
+        f"{counted(len(lost), 'mode')} of the reference logs not found in the current ones ({names} Hz): the answer "
+        "does not use their changes. Repeat with windows twice as long (--window), or record longer."
+    )
+
+
 def _range_text(values: Sequence[float]) -> str:
     ends = dict.fromkeys(f"{value:.4g}" for value in (min(values), max(values)))
     return " to ".join(ends)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from daq import AnyLog, LogError, Recording, load_recordings
 from daq.log import as_logs
-from monitor.analysis.logs import Held, log_channels, log_held
+from monitor.analysis.logs import log_channels, log_held
 from monitor.analysis.modal_table.table import is_table, read_tables
-from monitor.analysis.observation import Observation, observe, window_seconds
+from monitor.analysis.observation import Observation, lowest_frequency, observe, pilot_seconds, window_seconds
 from monitor.analysis.selection import Selection
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.terminal import Work, echo, files_of_logs
@@ -26,6 +26,7 @@ def observe_logs(
     selection: Selection,
     within: TimeRange,
     exponential_window: float | None = None,
+    lowest: float = math.inf,
 ) -> Observation:
     """Return the modes of logs, or of tables of modes, window by window.
 
@@ -33,12 +34,14 @@ def observe_logs(
     ----------
     structure : with the sensors
     paths : logs, or tables of modes
-    window : length of a window [s]; by default by the first mode of the structure and the lengths of the logs
+    window : length of a window [s]; by default by the lengths of the logs and the first mode, of the structure or, if
+        far lower, measured
     what : name of the state for the progress
     work : progress
     selection : with channels that are left out
     within : range of the logs
     exponential_window : time constant, of frequency responses [s]
+    lowest : frequency of the lowest mode that was measured in another state [Hz]
 
     Raises
     ------
@@ -58,7 +61,7 @@ def observe_logs(
     try:
         if window is None:
             work.stage(f"{what}: length", files_of_logs(logs))
-            window = _window(structure, [log_held(log) for log in logs])
+            window = _window(structure, logs, selection, lowest)
         work.windows_of(what, logs)
         recordings = sensor_recordings(structure, logs, window, selection.without_channels)
         return observe(recordings, lambda one: work.window(one.start), structure.delays)
@@ -66,10 +69,16 @@ def observe_logs(
         raise LogError(", ".join(map(str, logs)), str(error)) from error
 
 
-def _window(structure: Structure, held: Sequence[Held]) -> float:
+def _window(structure: Structure, logs: Sequence[AnyLog], selection: Selection, lowest: float) -> float:
     """Return how long windows are [s]: as logs are, or within the records of loggers that pause."""
+    held = [log_held(log) for log in logs]
+    shortest = min(one.seconds for one in held)
     record = min((one.record for one in held if one.record < one.seconds), default=math.inf)
-    return window_seconds(structure, min(one.seconds for one in held), len(held), record)
+    usual = window_seconds(structure, shortest, len(held), record)
+    pilot = pilot_seconds(structure, shortest, len(held), record)
+    if pilot > usual:
+        lowest = min(lowest, lowest_frequency(sensor_recordings(structure, logs, pilot, selection.without_channels)))
+    return window_seconds(structure, shortest, len(held), record, lowest)
 
 
 def sensor_recordings(

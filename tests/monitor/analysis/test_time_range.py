@@ -174,7 +174,7 @@ def test_diagnose_takes_both_states_from_one_log(
     span = log_span(REPLAY)
     assert span
     begin, end = (1e-9 * time for time in span)
-    after, before = observed
+    before, after = observed
     assert begin + 138 <= after[0] < after[1] <= end
     assert begin <= before[0] < before[1] <= begin + 125
 

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from daq import Channel, Recording, load_recordings, write_recordings
 from daq.log import as_logs
 from monitor.analysis.logs import Held, log_channels, log_held
-from monitor.analysis.observation import window_seconds
+from monitor.analysis.observation import lowest_frequency, pilot_seconds, window_seconds
 from monitor.analysis.time_range import time_range
 from tests.support.updater.reference_frame import t_frame
 from updater import build_model
@@ -41,6 +42,37 @@ def test_windows_fit_within_records_of_an_intermittent_logger() -> None:
     assert window_seconds(FRAME, total, record=record) == pytest.approx(record)
     assert window_seconds(FRAME, 3 * record, record=record) == pytest.approx(record / 2)
     assert window_seconds(FRAME, total, record=240 / FIRST) == pytest.approx(2.5 * record)  # too short for a window
+
+
+@pytest.mark.parametrize(
+    ("lowest", "windows"),
+    [
+        (FIRST, 24),
+        (0.85 * FIRST, 24),  # 212 periods
+        (FIRST / 2, 12),
+        (FIRST / 20, 3),  # too short a record for 250 periods in each of three
+        (2 * FIRST, 24),
+    ],
+)
+def test_windows_are_longer_where_a_measured_mode_is_far_below_the_first_one_of_the_file(
+    lowest: float, windows: int
+) -> None:
+    total = 24 * 250 / FIRST
+    assert window_seconds(FRAME, 1.001 * total, lowest_measured=lowest) == pytest.approx(1.001 * total / windows)
+
+
+def test_a_mode_below_the_first_one_of_the_file_is_found_by_a_pilot() -> None:
+    """Record of an oscillator at a third of the frequency of the file's first mode, with noise: seed 3."""
+    rate, seconds = 8 * FIRST, 4000 / FIRST
+    random = np.random.default_rng(3)
+    pole = np.exp(2 * np.pi * (FIRST / 3) / rate * (-0.01 + 1j))
+    motion = lfilter([1.0], [1.0, -2 * pole.real, abs(pole) ** 2], random.standard_normal(round(seconds * rate)))
+    data = np.outer(motion / motion.std(), [1.0, 0.5]) + 0.1 * random.standard_normal((len(motion), 2))
+    channels = tuple(Channel(name=c, device="a", axis=k) for k, c in enumerate("ab"))
+    n = round(pilot_seconds(FRAME, seconds) * rate)
+    pieces = [Recording(channels=channels, data=data[k : k + n], rate=rate, start=k) for k in range(0, 3 * n, n)]
+    assert lowest_frequency(pieces) == pytest.approx(FIRST / 3, rel=0.01)
+    assert lowest_frequency(pieces[:1]) == np.inf  # of one window, no scatter is known
 
 
 def test_record_duration_of_an_intermittent_log_is_detected(tmp_path: Path) -> None:

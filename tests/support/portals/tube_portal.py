@@ -72,6 +72,10 @@ class Portal:
 
     def file(self) -> Structure:
         """Return the structure as its owner describes it."""
+        return parse_structure(self.file_text())
+
+    def file_text(self, *, rigid: bool = False) -> str:
+        """Return the text of the owner's file; where the feet are not known to yield, they are rigid in it."""
         area, in_plane, out_of_plane, torsion = self.section
         lines = [
             'name = "portal"\n[mesh]\nelement_length = 0.04',
@@ -88,13 +92,15 @@ class Portal:
             lines.append(f'[[member]]\nname = "{name}"\nfrom = {list(start)}\nto = {list(end)}')
             lines.append('material = "steel"\nsection = "tube"\nlocal_y = [0.0, 1.0, 0.0]')
         for foot in (self.at("left", 0.0), self.at("right", 0.0)):
-            lines.append(f'[[support]]\nat = {list(foot)}\nfixed = ["x", "y", "z"]')
-            lines.append(f"stiffness = {{rx = {LEFT}, ry = {LEFT}, rz = {LEFT}}}")
+            held = ["x", "y", "z", *(["rx", "ry", "rz"] if rigid else [])]
+            lines.append(f"[[support]]\nat = {list(foot)}\nfixed = {held}")
+            if not rigid:
+                lines.append(f"stiffness = {{rx = {LEFT}, ry = {LEFT}, rz = {LEFT}}}")
         for channel, (at, axis) in self.sensors().items():
             direction = [float(k == axis) for k in range(3)]
             lines.append(f'[[sensor]]\nchannel = "{channel}"\nat = {list(at)}\ndirection = {direction}')
         lines += [f"[[body]]\nat = {list(self.at(*place))}\nmass = {SENSOR}" for place in PLACES]
-        return parse_structure("\n".join(lines))
+        return "\n".join(lines)
 
     def matrices(
         self, foot: float, crack: float | None = None

@@ -41,7 +41,12 @@ def diagnose(
     held_out_from: _HeldOutTime = None,
     held_out_to: _HeldOutTime = None,
     window: Annotated[
-        float | None, Option(metavar="S", help="Length of a window [s]. Default: chosen from the first mode.", min=0.1)
+        float | None,
+        Option(
+            metavar="S",
+            help="Length of a window [s]. Default: by the first mode, of the file or, if far lower, measured.",
+            min=0.1,
+        ),
     ] = None,
     exponential_window: ExponentialWindow = None,
     out: Annotated[

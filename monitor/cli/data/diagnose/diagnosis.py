@@ -225,15 +225,20 @@ def diagnose_logs(
     if logs.heldout:
         _check_held_out(logs)
     with progress("reading") as work:
+        lowest = math.inf  # frequency of the lowest mode measured so far [Hz]
 
         def observed(paths: Sequence[Path], what: str, within: TimeRange = WHOLE) -> Observation | None:
+            nonlocal lowest
             if not paths:
                 return None
-            found = observe_logs(structure, paths, window, what, work, selection, within, logs.exponential_window)
-            return selection.of_observation(found)
+            exponential = logs.exponential_window
+            found = observe_logs(structure, paths, window, what, work, selection, within, exponential, lowest)
+            found = selection.of_observation(found)
+            lowest = min(lowest, found.lowest_frequency)
+            return found
 
-        after = observed(logs.current, "logs", logs.within)
         before = observed(logs.reference, "reference", logs.reference_within)
+        after = observed(logs.current, "logs", logs.within)
         heldout = observed(logs.heldout, "held-out logs", logs.heldout_within)
         with_mass = [
             MassRecord(mass=known.mass, position=known.position, observation=seen)

@@ -23,6 +23,7 @@ from monitor.text.causes import (
     further_changes_text,
     gain_texts,
     left_over_text,
+    lost_modes_text,
     missed_text,
     probability_text,
     unmeasured_text,
@@ -89,6 +90,8 @@ def say_evidence(
     structure : that was diagnosed
     windows : text on the windows that frequencies are means of
     """
+    if lost := lost_modes_text(found) if found else "":
+        console.print(f"[yellow]note:[/] {escape(lost)}")
     if diagnosis.calibration is not None:
         console.print(calibration_text(diagnosis.calibration), markup=False)
     if found is not None:

@@ -42,7 +42,7 @@ def response(
     ] = False,
     window: Annotated[
         float | None,
-        Option(metavar="S", help="Length of a window of the reference [s]. Default: by the first mode.", min=0.1),
+        Option(metavar="S", help="Length of a window of the reference [s]. Default: as for `diagnose`.", min=0.1),
     ] = None,
     start: From = None,
     stop: To = None,
