@@ -37,6 +37,9 @@ _SITUATIONS = {
     "widespread_stiffness": "Stiffness has changed along most of several members: corrosion, another material or other "
     "sections, of which a loss of stiffness alone is a part. Measure the members' sections, and correct the structure "
     "file.",
+    "unfit_model": "Correct the structure file: dimensions, supports and joints, width and height of each section and "
+    "its orientation, positions of sensors, missing bodies. `identify --structure` compares its modes with the "
+    "measured ones.",
     "worse_model": "The best causes explain the compared modes, but double the frequency error of the model over all "
     "measured modes. Measure with more sensors, so that close modes are distinguished, or describe the structure in "
     "more detail.",

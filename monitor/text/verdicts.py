@@ -36,13 +36,20 @@ def has_only_fitted_parameters(diagnosis: Diagnosis) -> bool:
 
 
 def _verdict(diagnosis: Diagnosis) -> str:
+    model = diagnosis.calibration
+    if diagnosis.verdict == "unexplained" and model and not model.fits_reference:
+        return (
+            "Unexplained: the model does not fit the reference logs. Its calibrated frequencies are off by "
+            f"{model.frequency_error_percent.after or 0.0:.2g} % rms, those of a good model by 0.2 %. Its changes are "
+            "not those of the structure."
+        )
     return _FITTED if has_only_fitted_parameters(diagnosis) else VERDICTS[diagnosis.verdict]
 
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:
     """Return the diagnosis in one sentence."""
     if not diagnosis.causes:
-        return VERDICTS[diagnosis.verdict]
+        return _verdict(diagnosis)
     return f"{_verdict(diagnosis)}: {'; '.join(map(brief_text, listed_causes(diagnosis.causes)))}."
 
 

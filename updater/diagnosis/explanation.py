@@ -202,6 +202,8 @@ def _diagnosed(
     unchanged = reference.nominal is None and (reference.of_file or within_noise(good, ()))
     if unchanged and nothing_changed(search, singles):
         return _refused("nothing_to_explain", case, search.log_nothing, "no_change")
+    if reference.nominal is None and not (reference.of_file or reference.fits_baseline):
+        return _refused("unexplained", case, singles[0].log_evidence, "unfit_model")
     alone = [c for c in singles if c.effective]
     search, found = stepwise(search, ranked([*alone, *beside_the_file(search, alone)]), rough=True)
     search, found = relaxed_beside(search, found) if not search.instead else unrelaxed_beside(plain, search, found)

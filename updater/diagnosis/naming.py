@@ -395,6 +395,7 @@ def calibration_summary(reference: Reference) -> CalibrationSummary | None:
         modes_paired=PairedModes(before=n_nominal, after=len(calibration.paired)),
         frequency_error_percent=Pair(before=before, after=after),
         unusual_moduli=calibration.unusual_moduli,
+        fits_reference=reference.of_file or reference.fits_baseline,
     )
 
 

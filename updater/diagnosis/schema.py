@@ -7,7 +7,7 @@ from updater.quantities import Breathing, ParameterChange, PlainValue, Quantity,
 
 Verdict = Literal["nothing_to_explain", "explained", "ambiguous", "unexplained"]
 Reason = Literal["poor_fit", "uniform_shift", "no_change_fits_as_well", "worse_model_only", "less_probable"]
-Situation = Literal["no_change", "unsteady", "scattered_mass", "widespread_stiffness", "worse_model"]
+Situation = Literal["no_change", "unsteady", "scattered_mass", "widespread_stiffness", "worse_model", "unfit_model"]
 
 
 class FittedCause(PlainValue):
@@ -202,6 +202,7 @@ class CalibrationSummary(PlainValue):
     frequency_error_percent: Pair  #: root mean square over the modes that are paired afterwards
     #: moduli of metals that were fitted farther from the file than metals differ: the file has other errors
     unusual_moduli: tuple[ParameterChange, ...] = ()
+    fits_reference: bool = True  #: false if this error is that of a model of another structure: no change is explained
 
 
 class Diagnosis(PlainValue):

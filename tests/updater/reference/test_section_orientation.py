@@ -13,6 +13,7 @@ from monitor.analysis.explanation import explain
 from monitor.analysis.observation import Observation
 from monitor.errors import StateError
 from monitor.text.diagnosis import exchanged_text, note_texts
+from monitor.text.verdicts import verdict_text
 from tests.support.portals.measured_modes import observed
 from tests.support.portals.tube_portal import LEFT, Load, Portal
 from tests.support.thorough import few_of
@@ -112,6 +113,23 @@ def test_unexplained_change_has_a_note_on_the_sections() -> None:
     start = "The frequencies fit with width and height of the section of left post, right post and beam exchanged"
     assert note_texts(diagnosis)[0].startswith(start)
     assert explain(portal.file(), before, now, only=("temperature",)).diagnosis.exchanged_sections is None
+
+
+@pytest.mark.parametrize("members", [POSTS, BEAM])
+def test_change_is_unexplained_by_a_model_that_does_not_fit_the_reference(members: tuple[str, ...]) -> None:
+    """A foot softens by 65 %; exchanged sections of some members leave 6 % of the frequencies, a right file 0.1 %."""
+    portal, random = Portal(0.025, 0.02, 0.002, 0.9, 1.2), np.random.default_rng(96)
+    before, now = _observed(portal, LEFT, random), _observed(portal, 0.35 * LEFT, random)
+    found = explain(_rigid(_exchanged(portal.file(), members)), before, now).diagnosis
+    print(found)
+    assert found.verdict == "unexplained"
+    assert found.calibration
+    assert not found.calibration.fits_reference
+    assert verdict_text(found).startswith("Unexplained: the model does not fit the reference logs. ")
+    right = explain(_rigid(portal.file()), before, now, only=("support_stiffness",)).diagnosis
+    assert right.verdict == "explained"
+    assert right.calibration
+    assert right.calibration.fits_reference
 
 
 def test_modes_without_a_partner_are_explained_by_the_sections() -> None:
