@@ -12,7 +12,7 @@ from updater.errors import ModalDataError, PairingError
 from updater.modal_data import ModalMean
 from updater.quantities import ExchangedSections
 from updater.reference.calibration import FREQUENCY_ERROR, best_model, calibrate, channel_rows, enough_modes
-from updater.structure import Structure
+from updater.structure import TURNS, Structure, flexibility_unit
 
 _ALIKE = 0.15  # of ln of second moments: a smaller difference may be an error of the section itself
 _UNPAIRED = 0.3  # of ln f: a mode without a partner is that far from the model's, or farther (`oma.pair_modes`)
@@ -28,10 +28,11 @@ _CALIBRATED = 2  # exchanges with the least misfit before calibration that are c
 def exchanged_sections(structure: Structure, measured: ModalMean) -> ExchangedSections | None:
     """Return the members whose exchanged sections explain measured modes that the file does not.
 
-    Both are calibrated to the frequencies. The scale of the errors is not known beforehand; with a uniform prior of its
-    logarithm, the evidence of n modes is rms^-n (Jeffreys). Errors below those of every beam model are no evidence, and
-    each combination of members that is tried must explain correspondingly more. Errors of several modes have common
-    causes: the error must be several times smaller, however many modes there are.
+    Both are calibrated to the frequencies, with the feet as in the file, and with springs in place of rigid ones. The
+    scale of the errors is not known beforehand; with a uniform prior of its logarithm, the evidence of n modes is
+    rms^-n (Jeffreys). Errors below those of every beam model are no evidence, and each combination of members that is
+    tried must explain correspondingly more. Errors of several modes have common causes: the error must be several times
+    smaller, however many modes there are.
 
     Parameters
     ----------
@@ -44,19 +45,23 @@ def exchanged_sections(structure: Structure, measured: ModalMean) -> ExchangedSe
     """
     known = set(measured.channels) <= set(structure.channels)
     tried = list(_combinations(_groups(structure))) if known else []
-    turned = {members: _turned(structure, members) for members in tried}
-    nominal = {members: _nominal_misfit(one, measured) for members, one in turned.items()}
-    at_least = _nominal_misfit(structure, measured) if tried else 0.0
+    as_filed = (structure, _with_springs(structure)) if tried else ()
+    at_least = min((_nominal_misfit(one, measured) for one in as_filed), default=0.0)
+    turned, nominal = dict[tuple[str, ...], Structure](), dict[tuple[str, ...], float]()
+    for members in tried:
+        found = {_nominal_misfit(one, measured): one for one in (_turned(one, members) for one in as_filed)}
+        nominal[members] = min(found)
+        turned[members] = found[nominal[members]]
     nearest = sorted((members for members in tried if nominal[members] < at_least), key=nominal.__getitem__)
     if not nearest:
         return None
-    own = _calibrated_misfit(structure, measured)
-    found = {members: _calibrated_misfit(turned[members], measured) for members in nearest[:_CALIBRATED]}
-    best = min(found, key=lambda members: _log_rms(found[members]))
-    n, gained = int(np.isfinite(measured.log_frequency).sum()), _log_rms(own) - _log_rms(found[best])
+    own = min((_calibrated_misfit(one, measured) for one in as_filed), key=_log_rms)
+    fitted = {members: _calibrated_misfit(turned[members], measured) for members in nearest[:_CALIBRATED]}
+    best = min(fitted, key=lambda members: _log_rms(fitted[members]))
+    n, gained = int(np.isfinite(measured.log_frequency).sum()), _log_rms(own) - _log_rms(fitted[best])
     if gained < max(math.log(_FAR_BETTER), (_CERTAIN + math.log(len(tried))) / n):
         return None
-    before, after = own[np.isfinite(own)], found[best][np.isfinite(found[best])]
+    before, after = own[np.isfinite(own)], fitted[best][np.isfinite(fitted[best])]
     if len(after) - len(before) < _MORE_PAIRS and _rms(before) < _FAR_BETTER * max(_rms(after), FREQUENCY_ERROR):
         return None  # by one or two modes alone, which close modes may have cost their partner
     return ExchangedSections(
@@ -94,6 +99,20 @@ def _turned(structure: Structure, members: Sequence[str]) -> Structure:
         for m in structure.member
     )
     return structure.model_copy(update={"member": tuple(own)})
+
+
+def _with_springs(structure: Structure) -> Structure:
+    """Return the structure with springs of E I / L in place of feet that do not turn.
+
+    The frequencies of rigid feet may be so far off that calibration begins with wrong partners.
+    """
+    feet = []
+    for one in structure.support:
+        held = tuple(axis for axis in one.fixed if axis in TURNS)
+        springs = {axis: flexibility_unit(structure, axis, one.at) for axis in held}
+        fixed = tuple(axis for axis in one.fixed if axis not in TURNS)
+        feet.append(one.model_copy(update={"fixed": fixed, "stiffness": dict(one.stiffness) | springs}))
+    return structure.model_copy(update={"support": tuple(feet)})
 
 
 def _nominal_misfit(structure: Structure, measured: ModalMean) -> float:

@@ -66,6 +66,18 @@ def _rigid(file: Structure) -> Structure:
     return file.model_copy(update={"support": tuple(feet)})
 
 
+@pytest.mark.parametrize("seed", few_of(list(range(6))))
+@pytest.mark.parametrize("members", [POSTS, BEAM, POSTS + BEAM])
+def test_exchanged_members_of_a_file_with_rigid_feet_are_named(seed: int, members: tuple[str, ...]) -> None:
+    """Of some draws no file calibrates well enough to be sure, with the section as it is: no name is then given."""
+    portal, foot, random = _drawn(seed)
+    file = _rigid(_exchanged(portal.file(), members))
+    found = exchanged_sections(file, mean_modes(_observed(portal, foot, random).modes))
+    print(seed, portal, foot, found)
+    assert found is None or found.members == members
+    assert found or seed not in {0, 3, 5}
+
+
 def _other_moments(file: Structure, random: np.random.Generator) -> Structure:
     right = file.section["tube"]
     moments = np.array(right.second_moment) * random.uniform(0.85, 1.15, 2)
