@@ -67,7 +67,9 @@ def _rigid(file: Structure) -> Structure:
 
 
 @pytest.mark.parametrize("seed", few_of(list(range(6))))
-@pytest.mark.parametrize("members", [POSTS, BEAM, POSTS + BEAM])
+@pytest.mark.parametrize(
+    "members", [POSTS, *(pytest.param(one, marks=pytest.mark.thorough) for one in (BEAM, POSTS + BEAM))]
+)
 def test_exchanged_members_of_a_file_with_rigid_feet_are_named(seed: int, members: tuple[str, ...]) -> None:
     """Of some draws no file calibrates well enough to be sure, with the section as it is: no name is then given."""
     portal, foot, random = _drawn(seed)
@@ -127,7 +129,7 @@ def test_unexplained_change_has_a_note_on_the_sections() -> None:
     assert explain(portal.file(), before, now, only=("temperature",)).diagnosis.exchanged_sections is None
 
 
-@pytest.mark.parametrize("members", [POSTS, BEAM])
+@pytest.mark.parametrize("members", [POSTS, pytest.param(BEAM, marks=pytest.mark.thorough)])
 def test_change_is_unexplained_by_a_model_that_does_not_fit_the_reference(members: tuple[str, ...]) -> None:
     """A foot softens by 65 %; exchanged sections of some members leave 6 % of the frequencies, a right file 0.1 %."""
     portal, random = Portal(0.025, 0.02, 0.002, 0.9, 1.2), np.random.default_rng(96)
