@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,11 @@ class SelectedCause:
     cause: Cause
     row: int
     theta: FloatArray  #: (n_parameters,)
+
+    @classmethod
+    def begun(cls, cause: Cause) -> Self:
+        """Return the first alternative of a cause with all parameters zero, from which a joint fit begins."""
+        return cls(cause, 0, np.zeros(len(cause.prior_std)))
 
     @property
     def alternative(self) -> Hashable:

@@ -190,7 +190,7 @@ class Compositions:
         permitted = [one for one in others if not has_unobserved_mode(one) and 2 + one.drifting <= self.most_drifting]
         found = []
         for other in permitted[:_LIKELIEST]:
-            chosen = tuple(SelectedCause(one, 0, np.zeros(len(one.prior_std))) for one in (body, other, body))
+            chosen = tuple(map(SelectedCause.begun, (body, other, body)))
             found.append(self.converged_fit(chosen))
         return [c for c in found if c is not None]
 
@@ -375,7 +375,7 @@ class Compositions:
             other = self.weighing.cause(CATALOGUE[one.cause.name].common_form)
             if other is not None:
                 others = fitted.chosen[:number] + fitted.chosen[number + 1 :]
-                found.append((*others, SelectedCause(other, 0, np.zeros(len(other.prior_std)))))
+                found.append((*others, SelectedCause.begun(other)))
         return found
 
     def likely_fit(self, chosen: tuple[SelectedCause, ...], log_evidence: float) -> Candidate | None:

@@ -6,8 +6,6 @@ causes may explain what the additional parameters do, so that the plain form is 
 
 from dataclasses import replace
 
-import numpy as np
-
 from updater.causes import CATALOGUE, SelectedCause, has_unobserved_mode
 from updater.diagnosis.combinations import Compositions
 from updater.diagnosis.weighing import DOUBTFUL, MUCH, WELL, Candidate, EvidenceComparison, ranked
@@ -107,7 +105,7 @@ def relaxed_with_body(search: EvidenceComparison, found: list[Candidate]) -> tup
         for body in (relaxed.cause(one) for one in search.common_forms):
             if form is None or body is None or (relaxed is search and {name, body.name} == {*found[0].names}):
                 continue
-            both = tuple(SelectedCause(one, 0, np.zeros(len(one.prior_std))) for one in (form, body))
+            both = (SelectedCause.begun(form), SelectedCause.begun(body))
             fitted = Compositions(relaxed).converged_fit(both)
             if fitted is None or fitted.log_evidence < found[0].log_evidence + MUCH:
                 continue
@@ -152,5 +150,5 @@ def _combined(relaxed: EvidenceComparison, name: str, found: list[Candidate]) ->
     if alone is None or form is None or alone.names == (name,):
         return tried
     if alone.p_value < DOUBTFUL and found[0].p_value < WELL and name not in found[0].names:
-        tried.append((*alone.chosen, SelectedCause(form, 0, np.zeros(len(form.prior_std)))))
+        tried.append((*alone.chosen, SelectedCause.begun(form)))
     return tried

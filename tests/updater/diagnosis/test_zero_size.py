@@ -15,7 +15,7 @@ from tests.examiner.signals import estimated
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame
 from updater import Body, Reference, build_model, matched, nominal_reference, stack_tracks
-from updater.causes import Cause, LocalStiffness, SelectedCause
+from updater.causes import LocalStiffness, SelectedCause
 from updater.causes.stiffness.local_stiffness import LENGTHS, propose_local_stiffness
 from updater.causes.stretches import everywhere
 from updater.diagnosis.combinations import Compositions
@@ -80,10 +80,6 @@ def halves_at_most(reference: Reference, comparison: Comparison) -> LocalStiffne
     return replace(cause, kinds=LENGTHS, **everywhere(cause.cells, LENGTHS, 4))
 
 
-def begun(cause: Cause) -> SelectedCause:
-    return SelectedCause(cause, 0, np.zeros(len(cause.prior_std)))
-
-
 @pytest.mark.thorough
 def test_adjacent_stretches_of_equal_loss_are_merged() -> None:
     state, _ = specimen("", 12)
@@ -91,7 +87,7 @@ def test_adjacent_stretches_of_equal_loss_are_merged() -> None:
         weighing_of(state, softened(state, "column", 0.8, (0.1, 0.9)), 12), instead={"local_stiffness": halves_at_most}
     )
     cause = weighing.causes["local_stiffness"]
-    two = Compositions(weighing).coordinate_fit((begun(cause), begun(cause)))
+    two = Compositions(weighing).coordinate_fit((SelectedCause.begun(cause), SelectedCause.begun(cause)))
     assert two is not None
     one = merged(weighing, two)
     print([(part.hypotheses.where(part), part.hypotheses.parameters(part)) for part in (*two.parts, *one.parts)])
@@ -119,7 +115,7 @@ def test_zero_size_model_parameters_are_rejected_with_a_mass() -> None:
         reference = nominal_reference(structure, windows)
         data = compare(reference, matched(reference.baseline, reference.mean_of(windows)))
         weighing = EvidenceComparison(reference, data, allowed=(names := ("model_parameters", "added_mass")))
-        two = Compositions(weighing).coordinate_fit(tuple(begun(weighing.causes[n]) for n in names))
+        two = Compositions(weighing).coordinate_fit(tuple(SelectedCause.begun(weighing.causes[n]) for n in names))
         assert two is not None
         parameters = two.parts[two.names.index("model_parameters")]
         found = significant_only(weighing, [two])
@@ -136,7 +132,9 @@ def test_zero_size_springs_and_stretches_are_rejected_with_a_mass(name: str) -> 
     state, do = specimen("", 21)
     done = do["added_mass"](state, np.random.default_rng(3))
     weighing = weighing_of(done.before, done.after, 21)
-    two = Compositions(weighing).coordinate_fit(tuple(begun(weighing.causes[n]) for n in (name, "added_mass")))
+    two = Compositions(weighing).coordinate_fit(
+        tuple(SelectedCause.begun(weighing.causes[n]) for n in (name, "added_mass"))
+    )
     assert two is not None
     print({n: part.hypotheses.parameters(part) for n, part in zip(two.names, two.parts, strict=True)})
     significant = dict(zip(two.names, map(is_significant, two.parts), strict=True))
@@ -150,7 +148,7 @@ def test_third_cause_that_was_needed_next_to_another_one_is_left_out() -> None:
     heavier = do["added_mass"](state, np.random.default_rng(3)).after
     weighing = weighing_of(state, softened(heavier, "crossbeam", 0.5, (0.2, 0.3)), 21)
     names = ("sensor_gain", "local_stiffness", "added_mass")
-    three = Compositions(weighing).coordinate_fit(tuple(begun(weighing.causes[n]) for n in names))
+    three = Compositions(weighing).coordinate_fit(tuple(SelectedCause.begun(weighing.causes[n]) for n in names))
     assert three is not None
     needed = only_needed(weighing, three, fits)
     print([(part.hypotheses.name, part.hypotheses.parameters(part)) for part in (*three.parts, *needed.parts)])
