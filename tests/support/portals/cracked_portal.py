@@ -21,6 +21,7 @@ from tests.support.portals.tube_portal import LEFT, MODULUS, Portal
 Force = Literal["white", "low", "blows"]
 RATE, SECONDS, WINDOWS, OVER = 500, 45, 4, 10
 PARTS = 16  # of a step, at one of which the crack opens or closes
+BLOCK = 16  # steps that are computed at once until the crack opens or closes
 SETTLING = 20  # s
 DAMPING = 0.004
 WHOLE = 1e-3  # m: rotation per moment over E I of a closed crack, next to none
@@ -89,30 +90,70 @@ class CrackedPortal:
 
     def run(self, force: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
         """Return accelerations (n_steps, n_channels, n_windows), and rotations of the hinge (n_steps, n_windows)."""
-        n, (n_steps, _, n_windows) = len(self.square), force.shape
-        # numbers 0 and 1: closed and open
-        (a1, b1, read1), (a0, b0, read0) = map(self.transitions, self.change)
-        a, more = np.array([a0, a1]), np.array([b0, b1]) @ self.at_forces.T
-        direct = self.at_sensors @ self.at_forces.T
         # beyond the threshold the spring is another one: its moment continues from there
         push = self.jump * (self.change[0] - self.change[1]) * threshold
-        shift, moved = np.array([0 * b1, b1]) @ push, (self.at_sensors @ push)[:, None]
-        state, motion = np.zeros((2 * n, n_windows)), np.empty((n_steps, len(self.at_sensors), n_windows))
-        turned, rotation = np.empty((n_steps, n_windows)), np.zeros(n_windows)
-        ends = [(a[is_open, -1], more[is_open, -1], shift[is_open, -1][:, None]) for is_open in (1, 0)]
-        for k, now in enumerate(force):
-            turned[k], opened = rotation, rotation > threshold
-            motion[k] = np.where(opened, read1 @ state + moved, read0 @ state) + direct @ now
-            after = np.where(opened, *(step @ state + by_force @ now + by_push for step, by_force, by_push in ends))
-            rotation = self.jump @ after[:n]
-            for w in np.flatnonzero((rotation > threshold) != opened):
-                part = round(PARTS * (threshold - turned[k, w]) / (rotation[w] - turned[k, w]))
-                middle = state[:, w]
-                for is_open, parts in ((int(opened[w]), part), (int(not opened[w]), PARTS - part)):
-                    middle = a[is_open, parts] @ middle + more[is_open, parts] @ now[:, w] + shift[is_open, parts]
-                after[:, w], rotation[w] = middle, self.jump @ middle[:n]
-            state = after
+        if self.change[0] == self.change[1]:
+            threshold = np.inf  # one spring
+        opened, closed = (_Spring(self, change, own) for change, own in zip(self.change, (push, 0 * push), strict=True))
+        done = [self._run(np.ascontiguousarray(own), threshold, (closed, opened)) for own in np.moveaxis(force, 2, 0)]
+        motion, turned = (np.stack(each, axis=-1) for each in zip(*done, strict=True))
         return motion[SETTLING * RATE * OVER :], turned[SETTLING * RATE * OVER :]
+
+    def _run(
+        self, force: np.ndarray, threshold: float, springs: tuple["_Spring", "_Spring"]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return accelerations (n_steps, n_channels), and rotations (n_steps,), of one window."""
+        n, n_steps = len(self.square), len(force)
+        force = np.vstack([force, np.zeros((BLOCK, force.shape[1]))])
+        motion, turned = np.empty((len(force), len(self.at_sensors))), np.empty(len(force))
+        state, rotation, k = np.zeros(2 * n), 0.0, 0
+        while k < n_steps:
+            opened = bool(rotation > threshold)
+            spring = springs[opened]
+            known = np.concatenate([state, force[k : k + BLOCK].ravel(), [1.0]])
+            after = spring.rotations @ known
+            crossed = (after > threshold) != opened
+            whole = int(np.argmax(crossed)) if crossed.any() else BLOCK  # steps until the spring is another one
+            started = min(whole + 1, BLOCK)
+            turned[k], turned[k + 1 : k + started] = rotation, after[: started - 1]
+            motion[k : k + started] = (spring.accelerations[: started * motion.shape[1]] @ known).reshape(started, -1)
+            state = spring.states[whole] @ known
+            k += whole
+            if whole == BLOCK:
+                rotation = after[-1]
+            else:
+                part = round(PARTS * (threshold - turned[k]) / (after[whole] - turned[k]))
+                state = springs[not opened].over(PARTS - part, spring.over(part, state, force[k]), force[k])
+                rotation, k = float(self.jump @ state[:n]), k + 1
+        return motion[:n_steps], turned[:n_steps]
+
+
+class _Spring:
+    """Motion while the hinge has one spring, linear in what is known: the first state, forces of a block, and a one."""
+
+    def __init__(self, portal: CrackedPortal, change: float, push: np.ndarray) -> None:
+        self.parts, by_modes, read = portal.transitions(change)
+        self.by_force, self.by_push = by_modes @ portal.at_forces.T, by_modes @ push
+        n_states, n_forces = self.by_force.shape[1:]
+        state, states, accelerations = np.eye(n_states, n_states + BLOCK * n_forces + 1), [], []
+        for k in range(BLOCK):
+            own = slice(n_states + k * n_forces, n_states + (k + 1) * n_forces)
+            felt = read @ state
+            felt[:, own] += portal.at_sensors @ portal.at_forces.T
+            felt[:, -1] += portal.at_sensors @ push
+            states.append(state)
+            accelerations.append(felt)
+            state = self.parts[-1] @ state
+            state[:, own] += self.by_force[-1]
+            state[:, -1] += self.by_push[-1]
+        self.states = np.array([*states, state])  #: (BLOCK + 1, n_states, n_known)
+        self.rotations = portal.jump @ self.states[1:, : n_states // 2]  #: (BLOCK, n_known), after each step
+        self.accelerations = np.vstack(accelerations)  #: (BLOCK * n_channels, n_known), at the start of each step
+
+    def over(self, parts: int, state: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Return the state after parts of a step."""
+        after: np.ndarray = self.parts[parts] @ state + self.by_force[parts] @ force + self.by_push[parts]
+        return after
 
 
 def forces(seed: int, kind: Force) -> np.ndarray:
