@@ -33,10 +33,12 @@ def diagnosed(modalwatch: Commands, folder: Path, *more: object, reference: bool
     return " ".join(done.out.split()), min(mode["frequency"]["measured"] or np.inf for mode in modes)
 
 
-@pytest.mark.parametrize("reference", [False, True])
-def test_the_lowest_mode_is_found_by_default(modalwatch: Commands, tmp_path: Path, reference: bool) -> None:
+@pytest.mark.parametrize(("reference", "only"), [(False, ["--only", "support_stiffness"]), (True, [])])
+def test_the_lowest_mode_is_found_by_default(
+    modalwatch: Commands, tmp_path: Path, reference: bool, only: list[str]
+) -> None:
     """In the windows by the first mode of the file (19 s) it has 97 periods, of which it is not sought."""
-    out, lowest = diagnosed(modalwatch, tmp_path, reference=reference)
+    out, lowest = diagnosed(modalwatch, tmp_path, *only, reference=reference)
     assert "not found" not in out
     assert (
         f"support stiffness at the foot of the right post, ({PORTAL.width:.3f}, 0.000, 0.000) m" in out or not reference
