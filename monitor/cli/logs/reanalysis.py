@@ -1,5 +1,6 @@
 """An archive analysed again, in parallel."""
 
+import logging
 import math
 import os
 from collections.abc import Iterator, Sequence
@@ -46,22 +47,22 @@ def reanalyse_archive(
         _client(scheduler, workers) as client,
         progress("analysing") as work,
     ):
-        problems: list[str] = []
+        analysed: list[AnalysedLog] = []
         states: dict[str, str] = {}
-        sizes: list[int] = []
 
         def finished(about: AnalysedLog) -> None:
-            sizes.append(about.log.size)
-            work.note(f"{len(sizes)} of {len(logs)} logs")
-            work.advance(sum(sizes), sum(log.size for log in logs))
-            problems.extend([about.problem] if about.problem else [])
+            analysed.append(about)
+            work.note(f"{len(analysed)} of {len(logs)} logs")
+            work.advance(sum(one.log.size for one in analysed), sum(log.size for log in logs))
             states[about.site] = about.alarms[-1].state if about.alarms else states.get(about.site, "normal")
             _say(about)
 
         reanalyse(client, planned, out, finished, math.inf if limit is None else limit)
+    n_windows, n_problems = sum(one.n_windows for one in analysed), sum(one.problem is not None for one in analysed)
+    console.print(f"{len(analysed)} logs, {n_windows} windows; logs with a problem: {n_problems}")
     console.print(f"results: {out} (Parquet: windows, modes, alarms, logs)", soft_wrap=True)
     console.print(f"per site: {out}/sites/NAME/results.mcap (for `report` and `view`), history.sqlite", soft_wrap=True)
-    return NEEDS_A_PERSON if problems or "alarm" in states.values() else DONE
+    return NEEDS_A_PERSON if n_problems or "alarm" in states.values() else DONE
 
 
 def _texts(site: Path | None, given: Sequence[str]) -> LogTexts | None:
@@ -89,7 +90,10 @@ def _client(scheduler: str | None, workers: int | None) -> "Iterator[Client]":
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the workers: one core each
     with (
         LocalCluster(
-            n_workers=workers or os.cpu_count() or 1, threads_per_worker=1, dashboard_address="127.0.0.1:0"
+            n_workers=workers or os.cpu_count() or 1,
+            threads_per_worker=1,
+            dashboard_address="127.0.0.1:0",
+            silence_logs=logging.ERROR,  # a warning is no more than that a worker was slow to end, or was replaced
         ) as cluster,
         Client(cluster) as client,
     ):
@@ -100,7 +104,7 @@ def _print_plan(planned: Sequence[tuple[ArchiveLog, LogTexts | str]], out: Path)
     new = 0
     for log, texts in planned:
         if isinstance(texts, str):
-            state = f"not readable: {texts}"
+            state = f"not readable: {_without_name(texts, log)}"
         elif read_steps(out / "steps" / steps_key(log, texts)):
             state = "identified by an earlier run"
         else:
@@ -110,10 +114,18 @@ def _print_plan(planned: Sequence[tuple[ArchiveLog, LogTexts | str]], out: Path)
 
 
 def _say(about: AnalysedLog) -> None:
-    state = f"{about.n_windows} windows" + (", identified by an earlier run" if about.kept else "")
-    if about.problem:
-        state += f"; {about.problem}"
-    console.print(f"{escape(about.site)}: {escape(about.log.name)}: {escape(state)}", soft_wrap=True)
+    problem = _without_name(about.problem or "", about.log)
+    if problem and not about.n_windows:
+        text = f"{about.log.name}: {problem}"
+    else:
+        text = f"{about.site}: {about.log.name}: {about.n_windows} windows"
+        text += (", identified by an earlier run" if about.kept else "") + (f"; {problem}" if problem else "")
+    console.print(escape(text), soft_wrap=True)
     for alarm in about.alarms:
         if alarm.state == "alarm" and not alarm.quiet:
             console.print(f"    {escape(alarm.text)}", soft_wrap=True)
+
+
+def _without_name(problem: str, log: ArchiveLog) -> str:
+    """Return a problem of a log without the name of the log, which is printed before it."""
+    return problem.removeprefix(f"{log.name}: ")
