@@ -9,7 +9,17 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Cause, Discrete, MayOpen
-from updater.inference import Comparison, Effect, Fit, LinearInCompliance, Prediction, picked, predict, reanalyse
+from updater.inference import (
+    Comparison,
+    Effect,
+    Fit,
+    LinearInCompliance,
+    Prediction,
+    effects_of,
+    picked,
+    predict,
+    reanalyse,
+)
 
 C = TypeVar("C", bound=Cause)
 
@@ -83,7 +93,7 @@ class JointHypothesis(Generic[C]):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return all effects together."""
-        return self.joined([part.effect(theta[:, own], number) for part, own, number in self.parts(rows)])
+        return self.joined(effects_of(self.parts(rows), theta))
 
     def parts(self, rows: IndexArray) -> list[tuple[Cause, slice, IndexArray]]:
         """Return each cause with the columns of its parameters and its alternatives, the free one first."""

@@ -433,11 +433,7 @@ def _common(hypotheses: Hypotheses, point: Point, rows: IndexArray) -> set[int]:
     parts = _parts_of(hypotheses, rows)
     if len(rows) < 2 or len(parts) < 2 or not point.effect.alike:
         return set()
-    same = (
-        range(own.start, own.stop)
-        for _, own, number in parts
-        if (number == number[0]).all() and (point.theta[:, own] == point.theta[0, own]).all()
-    )
+    same = (range(own.start, own.stop) for _, own, number in parts if _is_common(point.theta[:, own], number))
     return {k for columns in same for k in columns}
 
 
@@ -446,6 +442,27 @@ def _parts_of(hypotheses: Hypotheses, rows: IndexArray) -> Sequence[Part]:
     if isinstance(hypotheses, Joint):
         return hypotheses.parts(rows)
     return [(hypotheses, slice(0, len(hypotheses.prior_std)), rows)]
+
+
+def effects_of(parts: Sequence[Part], theta: FloatArray) -> list[Effect]:
+    """Return the effect (n,) of each cause; one that is the same in all rows is computed once.
+
+    Parameters
+    ----------
+    parts : causes with the columns of their parameters and their alternatives (n,)
+    theta : (n, n_parameters)
+    """
+    return [
+        cause.effect(theta[:2, own], number[:2]).rows(np.zeros(len(number), np.intp))  # of two: what each row has shows
+        if len(number) > 2 and _is_common(theta[:, own], number)
+        else cause.effect(theta[:, own], number)
+        for cause, own, number in parts
+    ]
+
+
+def _is_common(theta: FloatArray, number: IndexArray) -> bool:
+    """Return whether all rows have one alternative (n,) with the same parameters (n, n_parameters)."""
+    return bool((number == number[0]).all() and (theta == theta[0]).all())
 
 
 def _slopes(
@@ -486,12 +503,13 @@ class _Parts:
 
     def __init__(self, hypotheses: Hypotheses, point: Point, rows: IndexArray) -> None:
         """Compute the effect of each cause by itself at a point (len(rows),)."""
-        self._hypotheses, self._parts = hypotheses, _parts_of(hypotheses, rows)
+        self._parts = _parts_of(hypotheses, rows)
         #: number of the cause of each parameter
         self.of = [i for i, (_, own, _) in enumerate(self._parts) for _ in range(own.start, own.stop)]
         self._before = [point.effect]
-        if len(self._parts) > 1:
-            effects = [part.effect(point.theta[:, own], number) for part, own, number in self._parts]
+        self._joint = hypotheses if len(self._parts) > 1 and isinstance(hypotheses, Joint) else None
+        if self._joint is not None:
+            effects = effects_of(self._parts, point.theta)
             self._others = [effect.without_structure() for effect in effects]
             self._before = [self._with_others(i, effect, np.arange(len(rows))) for i, effect in enumerate(effects)]
 
@@ -508,10 +526,10 @@ class _Parts:
         return self._before[number], self._with_others(number, part.effect(theta[:, own], rows[every]), every)
 
     def _with_others(self, number: int, effect: Effect, every: IndexArray) -> Effect:
-        if len(self._parts) == 1 or not isinstance(self._hypotheses, Joint):
+        if self._joint is None:
             return effect
         others = [other.rows(every) for other in self._others]
-        return self._hypotheses.joined([*others[:number], effect, *others[number + 1 :]])
+        return self._joint.joined([*others[:number], effect, *others[number + 1 :]])
 
 
 def _groups(kinds: list[int | None], n_rows: int) -> list[list[int]]:

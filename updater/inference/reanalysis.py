@@ -208,10 +208,9 @@ def _successors(comparison: Comparison, share: FloatArray, value: FloatArray, ve
     value, vector : (n_alternatives, n_all), (n_alternatives, n_all, n_all)
     """
     first: IndexArray = np.argmax(share, axis=2)
-    largest = np.take_along_axis(share, first[:, :, None], axis=2)
     left = np.where(np.arange(share.shape[2]) == first[:, :, None], 0.0, share)
     second = np.argmax(left, axis=2)
-    row, mode = np.nonzero(np.take_along_axis(left, second[:, :, None], axis=2)[:, :, 0] > _EITHER * largest[:, :, 0])
+    row, mode = np.nonzero(left.max(2) > _EITHER * share.max(2))
     if not len(row):
         return first
     now = np.log(comparison.frequency[comparison.paired]) + comparison.log_ratio
@@ -404,8 +403,12 @@ def _delayed(
 
 def picked(changed: Changed) -> tuple[FloatArray, FloatArray]:
     """Return value (n_alternatives, n + n_own) and vector (n_alternatives, n_all, n + n_own) of the modes picked."""
-    value = np.take_along_axis(changed.value, changed.pick, axis=1)
-    return value, np.take_along_axis(changed.vector, changed.pick[:, None, :], axis=2)
+    return changed.value[np.arange(len(changed.pick))[:, None], changed.pick], _columns(changed.vector, changed.pick)
+
+
+def _columns(matrix: FloatArray, pick: IndexArray) -> FloatArray:
+    """Return columns (p, n, k) of matrices (p, n, n), those picked (p, k) of each."""
+    return matrix.transpose(0, 2, 1)[np.arange(len(pick))[:, None], pick].transpose(0, 2, 1)
 
 
 _Slope = tuple[FloatArray, FloatArray]
@@ -419,11 +422,9 @@ class Tangent:
         self._changed, self._effect = changed, effect
         n_alternatives, n = changed.pick.shape
         self._at = np.arange(n_alternatives)[:, None], changed.pick, np.arange(n)  # row and column of each mode picked
-        pick = changed.pick[:, None, :]
-        self._vector, self._weighed = (
-            np.take_along_axis(each, pick, axis=2) for each in (changed.vector, changed.weighed)
-        )
-        gap = np.take_along_axis(changed.value, changed.pick, axis=1)[:, None, :] - changed.value[:, :, None]
+        value, self._vector = picked(changed)
+        self._weighed = _columns(changed.weighed, changed.pick)
+        gap = value[:, None, :] - changed.value[:, :, None]
         gap[self._at] = np.inf
         self._gap = np.where(gap == 0, np.inf, gap)
 

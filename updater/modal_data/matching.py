@@ -80,6 +80,8 @@ def _best(baseline: ModalMean, event: ModalMean) -> tuple[IndexArray, "_Undo | N
     unknown = _unknown(event)
     least, undone, found = np.inf, None, np.full(len(baseline.log_frequency), -1, np.intp)
     for cost, chain in _chains(len(baseline.channels)):
+        if cost >= least:  # no pair costs less than nothing
+            break
         assurance = mac_matrix(baseline.shape, chain(event.shape)) - unknown
         whole = np.minimum(1 - assurance + FREQUENCY_WEIGHT * distance, _NO_PAIR)
         best = (whole == whole.min(0, initial=np.inf)) & (whole == whole.min(1, keepdims=True, initial=np.inf))
