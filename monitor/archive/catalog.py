@@ -96,10 +96,12 @@ def stored_logs(url: str) -> list[StoredFile]:
     Raises
     ------
     ArgumentError
-        If the storage cannot be read.
+        If the storage cannot be read, or fsspec is not installed.
     """
-    from fsspec.core import url_to_fs
-
+    try:
+        from fsspec.core import url_to_fs
+    except ImportError as error:
+        raise ArgumentError("ARCHIVE", f"{url}: fsspec is not installed: pip install 'modalwatch[fleet]'") from error
     try:
         storage, root = url_to_fs(url)
         details = storage.find(root, detail=True)

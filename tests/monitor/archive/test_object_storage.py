@@ -19,7 +19,7 @@ from distributed import LocalCluster
 from daq import read_attachments
 from monitor.archive import find_logs
 from monitor.archive.catalog import stored_logs
-from tests.support.monitor.cli import Commands
+from tests.support.monitor.cli import Commands, assert_refused
 from updater import t_structure_toml
 
 pytestmark = pytest.mark.timeout(300)
@@ -158,3 +158,9 @@ def test_bucket_that_does_not_exist_is_one_clear_error(server: s3fs.S3FileSystem
     done = modalwatch("reanalyse", "s3://nowhere", "-o", "out", "--dry-run")
     assert (done.code, len(done.err.splitlines())) == (2, 1), done.err
     assert "s3://nowhere" in done.err
+
+
+def test_url_without_fsspec_is_one_clear_error(modalwatch: Commands, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "fsspec.core", None)
+    done = modalwatch("reanalyse", "s3://tower", "-o", "out", "--dry-run")
+    assert_refused(done, "ARCHIVE: s3://tower: fsspec is not installed: pip install 'modalwatch[fleet]'")
