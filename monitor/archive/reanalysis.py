@@ -9,8 +9,8 @@ state of a site is held here between two tasks: no worker has the only copy of a
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
@@ -23,6 +23,7 @@ from monitor.archive.dataset import keep_parts, write_tables
 from monitor.archive.evaluation import EvaluatedLog, evaluate_task, unevaluated
 from monitor.archive.log_texts import LogTexts, site_name, steps_key
 from monitor.archive.steps import LogSteps, identify_log, no_steps, read_steps, write_steps
+from monitor.errors import ArgumentError
 from monitor.outputs.history import HistoryStore
 from monitor.results.windows import AlarmResult, is_result
 from monitor.settings import parse_attached
@@ -149,6 +150,7 @@ class _Tasks:
         from distributed import as_completed
 
         self._client, self._ready = client, as_completed()
+        self._scheduler = client.scheduler_info()["address"]
         self._most = _WAITING * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
         self._identifying: dict[Future[Any], _Task] = {}
         self._evaluating: dict[Future[Any], _Task] = {}
@@ -179,13 +181,24 @@ class _Tasks:
         self._ready.add(future)
 
     def take_next(self) -> bool:
-        """Wait for a task and hand its result on; return False if there is none."""
+        """Wait for a task and hand its result on; return False if there is none.
+
+        Raises
+        ------
+        ArgumentError
+            If the scheduler is lost.
+        """
+        from distributed.client import FutureCancelledError
+
         if not (self._identifying or self._evaluating):
             return False
         future = next(self._ready)
         task = (self._identifying if future in self._identifying else self._evaluating).pop(future)
         try:
             result = future.result()
+        except FutureCancelledError as error:  # no task is cancelled before the end
+            lost = f"{self._scheduler}: the connection was lost: repeat the command"
+            raise ArgumentError("--scheduler", lost) from error
         except Exception as error:  # noqa: BLE001 - a log that ends its workers, or fails otherwise, stops no other one
             result = task.failed(f"{type(error).__name__}: {error}")
         task.then(result)
@@ -193,7 +206,8 @@ class _Tasks:
 
     def cancel(self) -> None:
         """Give up what is not finished."""
-        self._client.cancel([*self._identifying, *self._evaluating])
+        if self._client.status == "running":
+            self._client.cancel([*self._identifying, *self._evaluating])
 
 
 class _Run:
@@ -243,7 +257,8 @@ class _Run:
         if steps.retry:
             log.steps = steps
         else:
-            write_steps(self._path(log), steps)
+            with _writing(self._out):
+                write_steps(self._path(log), steps)
         self._identified(log)
 
     def _identified(self, log: _Log) -> None:
@@ -267,8 +282,9 @@ class _Run:
         site = log.site
         site.memory, site.worker, site.evaluating = found.memory, found.worker, False
         self._continue(site)
-        write_tables(self._out, site.name, log.log.key, found.tables)
-        site.results.add(log.texts, found)
+        with _writing(self._out):
+            write_tables(self._out, site.name, log.log.key, found.tables)
+            site.results.add(log.texts, found)
         if not site.waiting:
             site.results.close()  # of a fleet, not all are open at a time
         self._on_log(
@@ -282,6 +298,17 @@ class _Run:
                 alarms=found.alarms,
             )
         )
+
+
+@contextmanager
+def _writing(out: Path) -> Iterator[None]:
+    """Raise ArgumentError if the folder of results has been removed, or cannot be written."""
+    if not (out / "steps").is_dir():
+        raise ArgumentError("--out", f"{out}: was removed during the run: repeat the command")
+    try:
+        yield
+    except OSError as error:
+        raise ArgumentError("--out", f"{out}: cannot be written: {error}") from error
 
 
 def reanalyse(
@@ -300,10 +327,19 @@ def reanalyse(
     out : folder of the results: tables as Parquet, `steps`, and per site a log of results, a history, a saved state
     on_log : called with each log once it is evaluated
     limit : on the time for the identification of one log [s]; a repeated run begins such a log anew
+
+    Raises
+    ------
+    ArgumentError
+        If the results cannot be written, or the scheduler is lost. A repeated run continues.
     """
-    (out / "steps").mkdir(parents=True, exist_ok=True)
+    try:
+        (out / "steps").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ArgumentError("--out", f"{out}: cannot be made: {error}") from error
     for log, why in ((log, texts) for log, texts in logs if isinstance(texts, str)):
-        write_tables(out, _NO_SITE, log.key, unevaluated(log, "", no_steps(why), why).tables)
+        with _writing(out):
+            write_tables(out, _NO_SITE, log.key, unevaluated(log, "", no_steps(why), why).tables)
         on_log(AnalysedLog(log=log, site=_NO_SITE, n_windows=0, seconds=0.0, problem=why, kept=False))
     readable = [(log, texts) for log, texts in logs if isinstance(texts, LogTexts)]
     sites: dict[str, _Site] = {}

@@ -81,6 +81,7 @@ def _client(scheduler: str | None, workers: int | None) -> "Iterator[Client]":
     except ImportError as error:
         raise ArgumentError("reanalyse", "requires `pip install modalwatch[fleet]`") from error
     if scheduler:
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # a lost connection is reported as an error
         try:
             with Client(scheduler, timeout=10) as client:
                 yield client

@@ -1,21 +1,26 @@
 """`reanalyse` with real schedulers and workers: the tables, what is kept, damaged logs, a worker that is killed."""
 
+import errno
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import duckdb
 import pandas as pd
 import polars as pl
 import pytest
+from distributed import LocalCluster
 
-from tests.support.monitor.cli import Commands
+from monitor.archive import reanalysis
+from tests.support.monitor.cli import Commands, assert_refused
 
 pytestmark = pytest.mark.timeout(300)
 
@@ -76,6 +81,31 @@ def test_archive_is_analysed_once_and_read_by_three_libraries(modalwatch: Comman
         pd.testing.assert_frame_equal(frame, found[name])
 
 
+@pytest.mark.parametrize("obstacle", ["removed", "full"])
+def test_results_that_cannot_be_written_are_one_clear_error(
+    obstacle: str, modalwatch: Commands, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The folder is removed, or the disk full, once the first log is shown; the worker is a thread."""
+    logs, out = archive(tmp_path / "logs", 1), tmp_path / "out"
+    monkeypatch.setattr("distributed.LocalCluster", partial(LocalCluster, processes=False))
+
+    def fail(*_: object) -> None:
+        if obstacle == "removed":
+            shutil.rmtree(out)
+        else:
+            monkeypatch.setattr(reanalysis, "write_steps", no_space)
+
+    def no_space(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("monitor.cli.logs.reanalysis._say", fail)
+    text = {
+        "removed": "was removed during the run: repeat the command",
+        "full": "cannot be written: [Errno 28] No space",
+    }
+    assert_refused(modalwatch("reanalyse", logs, "-o", out, "--workers", 1), f"--out: {out}: {text[obstacle]}")
+
+
 @pytest.mark.thorough  # the S3 server's objects are in the default set
 @pytest.mark.timeout(300)
 def test_objects_of_a_url_give_the_same_tables(modalwatch: Commands, tmp_path: Path) -> None:
@@ -89,7 +119,7 @@ def test_objects_of_a_url_give_the_same_tables(modalwatch: Commands, tmp_path: P
 
 @contextmanager
 def cluster(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Start a scheduler and two workers as processes; yield its address, and the workers."""
+    """Start a scheduler and two workers as processes; yield its address, and the three processes."""
     address = folder / "scheduler.json"
     quiet = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
     python = [sys.executable, "-m"]
@@ -114,7 +144,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]
             started.append(
                 subprocess.Popen([*python, "distributed.cli.dask_worker", *own], env=quiet, stderr=subprocess.DEVNULL)
             )
-        yield json.loads(address.read_text())["address"], started[1:]
+        yield json.loads(address.read_text())["address"], started
     finally:
         for process in started:
             process.kill()
@@ -136,14 +166,33 @@ def test_killed_worker_costs_no_log(modalwatch: Commands, tmp_path: Path) -> Non
     logs, out = archive(tmp_path / "logs", 4), tmp_path / "out"
     (logs / "poisoned.mcap").unlink()
     assert modalwatch("reanalyse", logs, "-o", tmp_path / "whole", "--workers", 1).code == 0
-    with cluster(tmp_path) as (address, workers):
+    with cluster(tmp_path) as (address, processes):
         command = [sys.executable, "-c", "from monitor.cli.main import main; main()", "reanalyse", str(logs)]
         with subprocess.Popen([*command, "-o", str(out), "--scheduler", address], stdout=subprocess.PIPE) as run:
             until(lambda: list((out / "steps").glob("*")), run)
-            workers[0].send_signal(signal.SIGKILL)
+            processes[1].send_signal(signal.SIGKILL)
             shown, _ = run.communicate(timeout=120)
         assert run.returncode == 0, shown.decode()
     found = tables(out)
     assert found["windows"].groupby("log").size().tolist() == [3] * 4
     for name, frame in tables(tmp_path / "whole").items():
         pd.testing.assert_frame_equal(found[name], frame)
+
+
+@pytest.mark.thorough
+@pytest.mark.timeout(300)
+def test_lost_scheduler_is_one_clear_error_and_a_repeated_run_continues(modalwatch: Commands, tmp_path: Path) -> None:
+    logs, out = archive(tmp_path / "logs", 4), tmp_path / "out"
+    (logs / "poisoned.mcap").unlink()
+    with cluster(tmp_path) as (address, processes):
+        command = [sys.executable, "-c", "from monitor.cli.main import main; main()", "reanalyse", str(logs)]
+        options = ["-o", str(out), "--scheduler", address]
+        with subprocess.Popen([*command, *options], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL) as run:
+            until(lambda: list((out / "steps").glob("*")), run)
+            processes[0].send_signal(signal.SIGKILL)
+            _, error = run.communicate(timeout=120)
+        text = f"error: --scheduler: {address}: the connection was lost: repeat the command\n"
+        assert (run.returncode, error.decode()) == (2, text)
+    assert "identified by an earlier run" in modalwatch("reanalyse", logs, "-o", out, "--dry-run").out
+    assert modalwatch("reanalyse", logs, "-o", out, "--workers", 1).code == 0
+    assert tables(out)["windows"].groupby("log").size().tolist() == [3] * 4
