@@ -336,7 +336,7 @@ def reanalyse(
     try:
         (out / "steps").mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ArgumentError("--out", f"{out}: cannot be made: {error}") from error
+        raise ArgumentError("--out", f"{out}: cannot be written: {error}") from error
     for log, why in ((log, texts) for log, texts in logs if isinstance(texts, str)):
         with _writing(out):
             write_tables(out, _NO_SITE, log.key, unevaluated(log, "", no_steps(why), why).tables)
