@@ -1,6 +1,7 @@
 """Files of measurements to recordings."""
 
 import itertools
+import re
 from collections import Counter
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,8 +20,11 @@ from daq.files.columns.time_column import (
     date_column,
     date_remark,
     in_seconds,
+    is_epoch,
+    is_further_time,
     moment_column,
     no_times,
+    rising_column,
     time_column,
     time_remark,
 )
@@ -29,8 +33,8 @@ from daq.files.formats.registry import Format, format_of, read_format
 from daq.files.measured import Measured, processed
 from daq.files.options import DataOptions
 from daq.files.origin import Origin
-from daq.files.tables.layout import Layout
-from daq.files.tables.preamble import stated_start
+from daq.files.tables.layout import Kind, Layout
+from daq.files.tables.preamble import stated_start, stated_unit
 from daq.files.tables.text_table import read_rows, table_layout
 from daq.types import Channel, FloatArray, Recording, find_gaps
 
@@ -39,6 +43,7 @@ _MAX_TIME = 4.6e18  # ns since 1970
 _MIN_RATE, _MAX_RATE = 1e-6, 1e6  # Hz
 _NICE = 1e-3  # relative: a requested rate may be the nominal one of a file
 _DEVICE = "import"
+_COUNTER = re.compile(r"count(er)?|index|idx|samples?|no\.?|nr\.?|n|#|row|id|packet|seq(uence)?", re.IGNORECASE)
 
 
 def read_data(
@@ -216,12 +221,15 @@ def _table(path: Path, options: DataOptions) -> Columns:
     first = layout.head[0] if layout.head else ()
     time = time_column(filled, options.time)
     if time is None and options.time is None and rate is None:
-        time = moment_column(layout.names, first)
+        time = rising_column(layout.names, layout.head) or moment_column(layout.names, first)
     day = date_column(layout.names, first, time)
     others = _foreign_columns(layout, {time, day}) if options.columns is None else {}
     untimed = no_times(every, options.time) + ("" if layout.named else ", and --columns to name them")
     rest = [name for name in every if name not in (time, day) and name not in others]
     signals, warm, left = columns_to_read(path, rest, options)
+    if not any(signal.unit for signal in signals):
+        unit = stated_unit(layout.preamble)
+        signals = tuple(replace(signal, unit=unit) for signal in signals)
     columns = [*(signal.column for signal in signals), *warm]
     timed = time is not None and (options.columns is None or rate is None)
     known = rate if timed else known_rate(path, rate, layout.rate, untimed)
@@ -233,7 +241,8 @@ def _table(path: Path, options: DataOptions) -> Columns:
     if not signals:
         raise DataError(path, f"has no column of a channel, but {', '.join(every)}")
     preamble = f"sampling rate of the preamble: {known:.6g} Hz" if known is not None and rate is None else ""
-    left = (*(text for name, text in others.items() if name or options.names is None), *left)
+    again = (f"{name} (repeated)" for name in dict.fromkeys(layout.repeated))
+    left = (*(text for name, text in others.items() if name or options.names is None), *again, *left)
     texts: dict[str, Any] = {
         "left": left,
         "remarks": (layout.remark, preamble),
@@ -248,9 +257,11 @@ def _table(path: Path, options: DataOptions) -> Columns:
     try:
         if table.dated:
             name = time if day is None else f"{day} {time}"
-            return Columns(signals, warm, *on_grid(t, values), name, 1000 * round(1e6 * float(t[0])), **texts)
+            return Columns(signals, warm, *on_grid(t, values), name, _nanoseconds(t), **texts)
         t = in_seconds(path, time, t, options.time_unit)
         data, even_rate = on_grid(t, values)
+        if not origin and is_epoch(t):
+            return Columns(signals, warm, data, even_rate, None, _nanoseconds(t), **texts)
         if origin:  # rows may have been taken out of the beginning
             texts["origin"] = replace(origin, start=origin.start + round(1e9 * float(t[0])))
         return Columns(signals, warm, data, even_rate, time, **texts)
@@ -262,16 +273,32 @@ def _foreign_columns(layout: Layout, used: Collection[str | None]) -> dict[str, 
     """Return columns that hold no numbers, or have no name, with a description of each."""
     found: dict[str, str] = {}
     for place, (name, kind) in enumerate(zip(layout.names, layout.kinds, strict=True)):
-        cell = layout.head[0][place] if layout.head and place < len(layout.head[0]) else ""
+        cells = [row[place] for row in layout.head if place < len(row)]
         if not name and kind != "empty":
             found[""] = f"{found['']}, {place + 1}" if "" in found else f"without a name: {place + 1}"
-        elif kind == "empty" and time_column([name], None):
-            found[name] = f"{name} (empty)"
-        elif name not in used and kind == "text":
-            found[name] = f"{name} (text)"
-        elif name not in used and kind == "value" and any(reads(form, cell) for form in (MOMENT, DAY, CLOCK)):
-            found[name] = f"{name} (dates)"
+        elif name not in used and (why := _no_signal(name, kind, cells)):
+            found[name] = f"{name} ({why})"
     return found
+
+
+def _no_signal(name: str, kind: Kind, cells: Sequence[str]) -> str:
+    """Return the content of a column that is not of numbers of a sensor, "" for another one."""
+    if kind == "empty":
+        return "empty" if time_column([name], None) else ""
+    if _counts(name, cells):
+        return "counter"
+    if is_further_time(name, cells):
+        return "times"
+    if kind == "text":
+        return "text"
+    return "dates" if any(reads(form, "".join(cells[:1])) for form in (MOMENT, DAY, CLOCK)) else ""
+
+
+def _counts(name: str, cells: Sequence[str]) -> bool:
+    """Return whether a column numbers the rows."""
+    numbers = [int(cell) for cell in cells if cell.strip().isdecimal()]
+    steps = {after - before for before, after in itertools.pairwise(numbers)}
+    return bool(_COUNTER.fullmatch(name)) and len(numbers) == len(cells) and steps == {1}
 
 
 def _place(path: Path, layout: Layout, name: str) -> int:
@@ -313,9 +340,16 @@ def _of_format(path: Path, known: Format, options: DataOptions) -> Columns:
         raise DataError(path, f"{arrays.t_name}: expected {len(values)} times, found {len(arrays.t)}")
     try:
         t = in_seconds(path, arrays.t_name, arrays.t, options.time_unit)
+        if arrays.began is None and not arrays.origin and is_epoch(t):
+            return Columns(signals, warm, *on_grid(t, values), **texts | {"began": _nanoseconds(t)})
         return Columns(signals, warm, *on_grid(t, values), arrays.t_name, **texts)
     except UnevenError as error:
         raise DataError(path, f"{arrays.t_name}[{error.row}]: {error.why}") from error
+
+
+def _nanoseconds(t: FloatArray) -> int:
+    """Return the first of the times [s] in nanoseconds, to a microsecond."""
+    return 1000 * round(1e6 * float(t[0]))
 
 
 def known_rate(path: Path, given: float | None, found: float | None, otherwise: str) -> float:

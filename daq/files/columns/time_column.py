@@ -30,6 +30,8 @@ _BARE = re.compile(
     r"|(time|zeit) +\d+( +- .*)?",  # those of Catman are numbered
     re.IGNORECASE,
 )
+_BEGUN = re.compile(r"(time|zeit|temps|tiempo|tempo|tijd|tid)\b", re.IGNORECASE)  # with a unit of time at its end
+_TIMES = re.compile(r"time|second|elapsed|epoch?|zeit|sekunde|temps|tiempo|tempo", re.IGNORECASE)
 _CLOCKED = re.compile(r"\s*[\[(]h+:m+[^\])]*[\])]$", re.IGNORECASE)  # form of times of day, as DASYLab writes it
 _DAYS = re.compile(r"date|day|datum", re.IGNORECASE)
 _DOUBTFUL = "T"  # temperatures are called so too: where another column is of times, it is not
@@ -40,6 +42,7 @@ _USUAL = 20e3  # Hz: up to which a unit is proposed
 _MIN_PERIOD = 1e-12  # s
 _LISTED = 100  # characters of the names of columns in a message
 _MAX_START = 1 << 62  # ns
+_CENTURY = (946_684_800.0, 4_102_444_800.0)  # s: 2000 to 2100
 _LATEST = 1e20  # of a time: nanoseconds since 1970 are less
 
 
@@ -50,14 +53,15 @@ def time_column(names: Collection[str], asked: str | None) -> str | None:
     ----------
     names : of all columns
     asked : requested name; else ``t``, ``time``, ``timestamp`` or ``datetime``, in upper or lower case, alone or with a
-        unit as ``time [ms]``, ``Time (s)`` or ``t_us``
+        unit as ``time [ms]``, ``Time (s)`` or ``t_us``; else one that begins so and has a unit of time in brackets
     """
     if asked is not None:
         return asked if asked in names else None
     bare = [name for name in names if _BARE.fullmatch(_CLOCKED.sub("", name))]
     united = (name for name in names if _BARE.fullmatch(_parted(name)[0]) and header_unit(name))
     surely = (name for name in bare if name != _DOUBTFUL)
-    return next(itertools.chain(surely, united, bare), None)
+    begun = (name for name in names if _BEGUN.match(name) and parted(name)[1].lower() in _WORDS)
+    return next(itertools.chain(surely, united, bare, begun), None)
 
 
 def date_column(names: Sequence[str], first: Sequence[str], time: str | None) -> str | None:
@@ -81,17 +85,41 @@ def date_column(names: Sequence[str], first: Sequence[str], time: str | None) ->
 def moment_column(names: Sequence[str], first: Sequence[str]) -> str | None:
     """Return the name of the column of dates whose cells also have the time of day, None where there is none.
 
+    A column that is called so goes before others.
+
     Parameters
     ----------
     names : of all columns
     first : cells of the first line
     """
-    cells = zip(names, first, strict=False)
-    return next((name for name, cell in cells if _is_moment(name, cell)), None)
+    cells = [(name, cell) for name, cell in zip(names, first, strict=False) if name and ":" in cell]
+    found = [name for name, cell in cells if reads(MOMENT, cell)]
+    return next((name for name in found if _DAYS.fullmatch(_parted(name)[0])), found[0] if found else None)
 
 
-def _is_moment(name: str, cell: str) -> bool:
-    return bool(_DAYS.fullmatch(_parted(name)[0])) and ":" in cell and reads(MOMENT, cell)
+def rising_column(names: Sequence[str], head: Sequence[Sequence[str]]) -> str | None:
+    """Return the name of the first column with a unit of time in brackets whose numbers increase, None without any.
+
+    Parameters
+    ----------
+    names : of all columns
+    head : cells of the first lines
+    """
+    timed = [place for place, name in enumerate(names) if parted(name)[1].lower() in _WORDS]
+    return next((names[place] for place in timed if _rises([row[place] for row in head])), None)
+
+
+def is_further_time(name: str, cells: Sequence[str]) -> bool:
+    """Return whether a column holds further times: by its name, and by numbers that increase."""
+    return bool(_TIMES.search(name)) and _rises(cells)
+
+
+def _rises(cells: Sequence[str]) -> bool:
+    try:
+        values = [float(cell.replace(",", ".")) for cell in cells]
+    except ValueError:
+        return False
+    return len(values) > 1 and all(after > before for before, after in itertools.pairwise(values))
 
 
 def header_unit(name: str) -> str | None:
@@ -123,10 +151,20 @@ def in_seconds(path: Path, name: str, t: FloatArray, given: str | None) -> Float
     DataError
         If no unit is stated, and seconds would give an implausible rate.
     """
-    unit = given or header_unit(name)
+    unit = given or header_unit(name) or _epoch_unit(t)
     if unit is None:
         _ask(path, name, t)
     return t * TIME_UNITS[unit or "s"]
+
+
+def _epoch_unit(t: FloatArray) -> str | None:
+    """Return the unit in which the first time is a date of this century after 1970, None if there is none."""
+    return next((unit for unit in ("s", "ms", "us", "ns") if is_epoch(t[:1] * TIME_UNITS[unit])), None)
+
+
+def is_epoch(t: FloatArray) -> bool:
+    """Return whether times [s] are counted from 1970 rather than from the start of the measurement."""
+    return len(t) > 0 and bool(_CENTURY[0] <= t[0] < _CENTURY[1])
 
 
 def _ask(path: Path, name: str, t: FloatArray) -> None:

@@ -17,6 +17,7 @@ import pyuff
 from daq.errors import DataError
 from daq.files.columns.date_cells import DAY, MOMENT, date_order, slashed
 from daq.files.columns.stated_start import StatedStart, UnclearDate
+from daq.files.columns.units import parse_unit
 from daq.files.formats.arrays import Arrays
 from daq.files.formats.universal.datasets import SI_UNITS, Dataset, datasets, length_unit, node_name
 from daq.files.formats.universal.header import header_set
@@ -25,9 +26,10 @@ from daq.files.origin import Origin
 from daq.types import Channel, FloatArray, Recording
 
 _TIME_RESPONSE = 1
-_UNKNOWN, _ACCELERATION = 0, 12
-_UNITS = {_UNKNOWN: "", 1: "", 8: "m", 11: "m/s", _ACCELERATION: ""}  # of data types, once in metres; "" is m/s2
+_UNKNOWN, _GENERAL, _ACCELERATION = 0, 1, 12
+_UNITS = {_UNKNOWN: "", _GENERAL: "", 8: "m", 11: "m/s", _ACCELERATION: ""}  # of data types, once in metres; "" is m/s2
 _KINDS = {9: "reaction force", 13: "excitation force", 15: "pressure", 5: "temperature"}
+_NO_UTF8 = "\ufffd"  # pyuff reads a ² of other encodings so
 _TIME = 17  # of an abscissa [s]
 _BEGUN, _PLACE = "first sample at {} ns UTC", "device {} axis {}"  # ID lines 3 and 4
 _SAME = 1e-6  # relative: sampling intervals are printed with six digits
@@ -56,8 +58,8 @@ def read_universal(path: Path, wanted: Collection[str] | None = None, order: str
 
     A channel is named after its node and direction, ``12_x`` or ``12_-y``, preceded by the entity if the file has one
     (``tower_12_x``); if nodes are not unique, after the first ID line. Lengths are converted to metres according to
-    dataset 164. The start is the earliest date of ID line 3, which states when a function was made (``30-Jul-08
-    10:11:12``).
+    dataset 164, or to the label of the unit in a file without it. The start is the earliest date of ID line 3, which
+    states when a function was made (``30-Jul-08 10:11:12``).
 
     Parameters
     ----------
@@ -81,16 +83,23 @@ def read_universal(path: Path, wanted: Collection[str] | None = None, order: str
     names = _names(path, series)
     chosen = [i for i, name in enumerate(names) if wanted is None or name in wanted]
     columns = [_column(path, *series[i], names[i]) for i in chosen]
+    in_metres = any(s["type"] == SI_UNITS["type"] for _, s in sets)
+    labels = [_label(s, in_metres=in_metres) for _, s in series]
     _check_same(path, [series[i] for i in chosen])
     rate = 1 / series[chosen[0]][1]["abscissa_inc"] if chosen else None
     return Arrays(
         names=tuple(names[i] for i in chosen) if chosen else tuple(names),
-        values=np.column_stack(columns) / length if chosen else np.empty((0, len(names))),
+        values=np.column_stack(columns) / [1.0 if labels[i] else length for i in chosen]
+        if chosen
+        else np.empty((0, len(names))),
         rate=rate,
         t=None,
         origin=_origin([(names[i], series[i][1]) for i in chosen]),
         stated=_stated_start([series[i] for i in chosen], order),
-        units=tuple(_UNITS.get(int(series[i][1]["ordinate_spec_data_type"]), "") for i in chosen or range(len(names))),
+        units=tuple(
+            labels[i] or _UNITS.get(int(series[i][1]["ordinate_spec_data_type"]), "")
+            for i in chosen or range(len(names))
+        ),
     )
 
 
@@ -177,6 +186,17 @@ def _names(path: Path, series: Sequence[tuple[int, Dataset]]) -> list[str]:
     twice = next(name for name in by_node if by_node.count(name) > 1)
     places = ", ".join(str(number) for (number, _), name in zip(series, by_node, strict=True) if name == twice)
     raise DataError(path, f"datasets {places}: expected different channels, found {twice!r} in each")
+
+
+def _label(series: Dataset, *, in_metres: bool) -> str:
+    """Return the label of the unit of the data where it is their unit, "" where that is stated otherwise.
+
+    Dataset 164 states the unit of lengths. It states none of general data, such as voltages and strains.
+    """
+    label = str(series["ordinate_axis_units_lab"]).strip().replace(_NO_UTF8, "²")
+    if int(series["ordinate_spec_data_type"]) in (_UNKNOWN, _GENERAL):
+        return "" if label.upper() in ("", "NONE") else label
+    return label if not in_metres and parse_unit(label) else ""
 
 
 def _column(path: Path, number: int, series: Dataset, name: str) -> FloatArray:

@@ -1,11 +1,12 @@
 """Place of the table in a file of text: delimiter, names, units and first row, after any preamble.
 
 The rows are the lines with the most usual number of cells whose cells are numbers, dates or empty, but for columns of
-text. The names are in the line before them; a line of units may be between. Lines before, such as those of Catman,
-LabVIEW and DASYLab, are the preamble.
+text; lines after the last line of text count. The names are in the line before them, or before a line of units. Lines
+before, such as those of Catman, LabVIEW and DASYLab, are the preamble.
 """
 
 import csv
+import itertools
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -30,12 +31,14 @@ _DATE = re.compile(
     r"(\d{1,2}:\d{2}(:\d{2})?([.,:]\d+)?\s*([AP]\.?M\.?)?\s*(Z|UTC|[-+]\d\d:?\d\d)?)?",
     re.IGNORECASE,
 )
+_MIN_ROWS = 2  # at the end of the lines
 _LONGEST = 100  # characters of a number or date
 _COMMENTS = {"", "comment", "comments", "kommentar"}  # names of columns that rows may lack at their end
 _OTHER_UNITS = {  # of quantities that are no motion
     *("-", "1", "%", "n", "kn", "mn", "nm", "knm", "pa", "kpa", "mpa", "bar", "mbar", "um/m", "ustrain", "m/m", "hz"),
     *("rad", "mrad", "deg", "°", "a", "ma", "mv/v", "lb", "lbf", "psi", "rpm", "1/min", "w", "kw", "ohm", "epsilon"),
 }
+_LABEL_ENDS = ("=", ":")
 _UNIT_LABEL = re.compile(r"y_unit_label|units?|einheit(en)?", re.IGNORECASE)
 Kind = Literal["value", "text", "empty"]
 
@@ -54,6 +57,7 @@ class Layout:
     commented: bool = False  #: whether rows may have a comment after the last column
     rate: float | None = None  #: sampling rate that the preamble states [Hz]
     preamble: tuple[Line, ...] = ()  #: lines before the first row
+    repeated: tuple[str, ...] = ()  #: names of columns that repeat an earlier one, here without a name
 
     @property
     def remark(self) -> str:
@@ -89,6 +93,7 @@ def find_layout(path: Path, lines: Sequence[Line], comments: Sequence[Line], nam
         found = replace(found, delimiter=delimiter, cells=[cells_of(line, delimiter) for _, line in lines])
     width = found.width
     first = lines[found.begin][0] if found.begin < len(lines) else lines[-1][0] + 1
+    preamble = tuple(sorted([*(line for line in comments if line[0] < first), *lines[: found.begin]]))
     layout = Layout(
         names=tuple(str(place + 1) for place in range(width)),
         header=first,
@@ -97,8 +102,8 @@ def find_layout(path: Path, lines: Sequence[Line], comments: Sequence[Line], nam
         first=first,
         kinds=found.kinds,
         head=tuple(tuple(cells) for cells in found.cells[found.begin :] if len(cells) == width),
-        rate=stated_rate(lines[: found.begin]),
-        preamble=tuple(sorted([*comments, *lines[: found.begin]])),
+        rate=stated_rate(preamble),
+        preamble=preamble,
     )
     if names is not None:
         if len(names) != width:
@@ -115,9 +120,29 @@ def find_layout(path: Path, lines: Sequence[Line], comments: Sequence[Line], nam
     lacking: list[Kind] = ["empty"] * (len(cells) - width)
     kinds = (*found.kinds, *lacking)[: len(cells)]
     named = [_with_unit(cell, unit) for cell, unit in zip(cells, units, strict=True)]
+    again = _repeats(named, layout.head)
     if commented:  # the first row may be one with a comment
         first = next((line for line, _ in lines if line > number), first)
-    return replace(layout, names=tuple(named), header=number, named=True, kinds=kinds, first=first, commented=commented)
+    return replace(
+        layout,
+        names=tuple("" if place in again else name for place, name in enumerate(named)),
+        header=number,
+        named=True,
+        kinds=tuple("empty" if place in again else kind for place, kind in enumerate(kinds)),
+        first=first,
+        commented=commented,
+        repeated=tuple(named[place] for place in again),
+    )
+
+
+def _repeats(names: Sequence[str], head: Sequence[Sequence[str]]) -> list[int]:
+    """Return the places of columns with the name and the cells of an earlier one, such as the times of each channel."""
+    found: list[int] = []
+    for place, name in enumerate(names):
+        first = names.index(name)
+        if name and first < place and head and all(row[place : place + 1] == row[first : first + 1] for row in head):
+            found.append(place)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,11 +162,12 @@ def _rows(lines: Sequence[Line], delimiter: str | None) -> _Rows:
     cells = [cells_of(text, delimiter) for _, text in lines]
     kinds = [[kind_of(cell, delimiter) for cell in row] for row in cells]
     likely = [place for place, row in enumerate(kinds) if 2 * row.count("text") <= len(row) and "value" in row]
-    widths = Counter(len(cells[place]) for place in likely)
+    usual = _last_lines(likely, len(lines))
+    widths = Counter(len(cells[place]) for place in usual)
     if not widths:
         return _Rows(delimiter, 0, 0, 0, (), cells)
-    width = max(widths, key=lambda n: (widths[n], -next(k for k in likely if len(cells[k]) == n)))
-    rows = [kinds[place] for place in likely if len(kinds[place]) == width]
+    width = max(widths, key=lambda n: (widths[n], -next(k for k in usual if len(cells[k]) == n)))
+    rows = [kinds[place] for place in usual if len(kinds[place]) == width]
     columns = tuple(_column_kind([row[column] for row in rows]) for column in range(width))
     begin = next((k for k in likely if len(kinds[k]) == width and _fits(kinds[k], columns)), None)
     if begin is None:
@@ -150,6 +176,17 @@ def _rows(lines: Sequence[Line], delimiter: str | None) -> _Rows:
     noted = [any(len(row) == width and row[column] == "text" for row in kinds[begin:]) for column in range(width)]
     columns = tuple("text" if kind == "empty" and noted[k] else kind for k, kind in enumerate(columns))
     return _Rows(delimiter, count, width, begin, columns, cells)
+
+
+def _last_lines(likely: Sequence[int], n_lines: int) -> Sequence[int]:
+    """Return the places of likely rows without another line after them; all likely rows if those are too few.
+
+    A short file may have more lines of numbers in its preamble than rows.
+    """
+    first = len(likely)
+    while first and likely[first - 1] == n_lines - len(likely) + first - 1:
+        first -= 1
+    return likely[first:] if len(likely) - first >= _MIN_ROWS else likely
 
 
 def _fits(row: Sequence[Kind], columns: Sequence[Kind]) -> bool:
@@ -187,15 +224,22 @@ def _header(lines: Sequence[Line], rows: _Rows, comments: Sequence[Line]) -> tup
     fitting = [(number, cells) for number, cells in before if cells is not None]
     if not fitting or (before[0][1] is None and rows.width < 3):
         return None
-    units = [""] * len(fitting[0][1])
-    if len(fitting) > 1 and _are_units(fitting[0][1]) and _names_columns(fitting[1][1]):
-        units = [unit.strip("[]() ") for unit in fitting[0][1]]
-        fitting = fitting[1:]
-    number, cells = fitting[0]
-    labelled = next((c for n, c in fitting[1:] if _UNIT_LABEL.fullmatch(c[0].strip(" :"))), None)
-    if labelled is not None and not any(units) and _are_units(labelled[1:]):
-        units = ["", *labelled[1:]]
-    return (number, cells, [*units, *[""] * (len(cells) - len(units))]) if _names_columns(cells) else None
+    pairs = itertools.pairwise((number, cells or []) for number, cells in before)
+    paired = next(
+        ((*names, units[1]) for units, names in pairs if _are_units(units[1]) and _names_columns(names[1])), None
+    )
+    if paired is not None:
+        number, cells, units = paired
+        return number, cells, [unit.strip("[]() ") for unit in units]
+    # words between spaces are a sentence rather than names, unless they are in the last line
+    named = next((line for line in fitting[: 1 if rows.delimiter is None else None] if _names_columns(line[1])), None)
+    if named is None:
+        return None
+    number, cells = named
+    labelled = next((c for n, c in fitting if n < number and _UNIT_LABEL.fullmatch(c[0].strip(" :"))), None)
+    if labelled is None or not any(_are_units([cell]) for cell in labelled[1:]):
+        return number, cells, [""] * len(cells)
+    return number, cells, ["", *labelled[1:]]
 
 
 def _fitted(rows: _Rows, cells: list[str]) -> list[str] | None:
@@ -210,8 +254,12 @@ def _fitted(rows: _Rows, cells: list[str]) -> list[str] | None:
 
 
 def _names_columns(cells: Sequence[str]) -> bool:
-    """Return whether cells may be names: some are text."""
-    return any(kind_of(cell, None) == "text" for cell in cells)
+    """Return whether cells may be names: some are text, most differ, and they are no label with its value."""
+    texts = [cell.strip() for cell in cells if cell.strip()]
+    ended = [text.endswith(_LABEL_ENDS) for text in texts]
+    if any(text in _LABEL_ENDS for text in texts) or (ended and ended[0] and not all(ended)):
+        return False
+    return 2 * len(set(texts)) > len(texts) and any(kind_of(cell, None) == "text" for cell in cells)
 
 
 def _are_units(cells: Sequence[str]) -> bool:
@@ -222,7 +270,7 @@ def _are_units(cells: Sequence[str]) -> bool:
 
 
 def _with_unit(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if name and unit and not parted(name)[1] else name
+    return f"{name} [{unit}]" if name and unit and not _are_units([parted(name)[1]]) else name
 
 
 def cells_of(text: str, delimiter: str | None) -> list[str]:

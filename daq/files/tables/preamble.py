@@ -1,29 +1,34 @@
-"""Sampling rate and start time that the lines before a table state."""
+"""Sampling rate, start time and unit that the lines before a table state."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from daq.files.columns.date_cells import CLOCK, DAY, MOMENT, Dated, date_order, slashed, with_numeric_month
 from daq.files.columns.stated_start import StatedStart, UnclearDate
 from daq.files.columns.time_column import TIME_UNITS
+from daq.files.columns.units import parse_unit
 
 Line = tuple[int, str]  # number, counted from 1, and text
 
 _RATE = re.compile(
-    r"\W*(sampl\w*|scan|abtast\w*|mess|measurement|acquisition)[\s_-]*(rate|frequency|freq|frequenz)\b[^\d\n]{0,40}?"
+    r"\W*(samp\w*|scan|abtast\w*|mess|measurement|acquisition)[\s_-]*(rate|frequency|freq|frequenz)\b[^\d\n]{0,40}?"
     r"(?P<rate>\d[\d.,]*(e[-+]?\d+)?)\W*(?P<kilo>k)?(hz)?\b.*",
     re.IGNORECASE,
+)
+_RATE_WITHIN = re.compile(  # anywhere in a line
+    r"\b(sampl\w*|data|output)[\s_-]*(rate|frequency)\W{1,10}(?P<rate>\d[\d.,]*)\s*(?P<kilo>k)?hz\b", re.IGNORECASE
 )
 _STEP = re.compile(
     r"\W*(delta_x|delta|sampl\w*[\s_-]*(interval|period|time))\b[^\d\n]{0,40}?"
     r"(?P<step>\d[\d.,]*(e[-+]?\d+)?)\W*(?P<unit>ms|us|s|sec)?\b.*",
     re.IGNORECASE,
 )
+_UNIT = re.compile(r"\W*(units?|einheit(en)?|unit[eé]s?|unidad(es)?)\b[\s:;=,]+(?P<unit>\S.*)", re.IGNORECASE)
 _LABELLED = re.compile(
     r"(?P<label>[^\d:;=,\t]{0,60}(?:\bT0)?)[\s:;=,]+(?:[^\W\d_]{2,12}\.?,?\s+)?(?P<value>\d.*)", re.IGNORECASE
 )
 _STARTS = re.compile(  # in English, German, French, Spanish, Italian, Portuguese, Dutch and the languages of the north
-    r"\b(t0|(start|mess|measurement|acquisition|record\w*|test|trigger|aufnahme)?"
+    r"\b(t0|(start|mess|measurement|acquisition|record\w*|test|trigger|aufnahme)?_?"
     r"(date|datum|fecha|data|dato|time|timestamp|zeit|uhrzeit|zeitpunkt|heure|hora|ora|tijd|tid|start|begin\w*))\b",
     re.IGNORECASE,
 )
@@ -33,18 +38,27 @@ _OTHER_TIMES = re.compile(
     re.IGNORECASE,
 )
 _DASHED = re.compile(r"^(\d{1,2})-(\d{1,2})-(\d{4})")  # the day or the month is first, as with slashes
+_SPACED = re.compile(r"^(\d{4}) (\d\d?) (\d\d?) (\d\d?) (\d\d?) (\d\d?)(?=\.|$)")  # all parts apart
 _MAX_LENGTH = 200  # characters of a line that is searched
 
 
 def stated_rate(preamble: Sequence[Line]) -> float | None:
     """Return the sampling rate that a preamble states [Hz], None if it states none."""
     for _, text in preamble:
-        if found := _RATE.match(text[:_MAX_LENGTH]):
+        if found := _RATE.match(text[:_MAX_LENGTH]) or _RATE_WITHIN.search(text[:_MAX_LENGTH]):
             return _positive(found["rate"], 1e3 if found["kilo"] else 1.0)
         if found := _STEP.match(text[:_MAX_LENGTH]):
             step = _positive(found["step"], TIME_UNITS[(found["unit"] or "s").lower().removesuffix("ec")])
             return None if step is None else 1 / step
     return None
+
+
+def stated_unit(preamble: Sequence[Line]) -> str:
+    """Return the unit that a preamble states for all columns, as `UNITS = Counts`; "" if it states none."""
+    found = (_UNIT.match(text[:_MAX_LENGTH]) for _, text in preamble)
+    return next(
+        (match["unit"].strip("[]() ") for match in found if match and parse_unit(match["unit"].strip("[]() "))), ""
+    )
 
 
 def _positive(text: str, factor: float) -> float | None:
@@ -58,7 +72,8 @@ def _positive(text: str, factor: float) -> float | None:
 def stated_start(preamble: Sequence[Line], order: str | None) -> StatedStart | UnclearDate | None:
     """Return the start that a preamble states by its first date and its first time of day; None without a date.
 
-    Both may be in one line, after a date alone, too.
+    Both may be in one line, after a date alone, too. Of several lines with the same label, the last counts: it is
+    nearer to the rows, as that of a segment of a file.
 
     Parameters
     ----------
@@ -67,10 +82,8 @@ def stated_start(preamble: Sequence[Line], order: str | None) -> StatedStart | U
     """
     day: tuple[float, int] | None = None
     clock: float | None = None
-    for number, text in preamble:
-        value = _start_value(text)
-        if not value:
-            continue
+    labelled = {label: (number, value) for number, text in preamble for label, value in _start_values(text)}
+    for number, value in sorted(labelled.values()):
         if slashed(value):
             order = order or date_order([value])
             if order is None:
@@ -87,12 +100,19 @@ def stated_start(preamble: Sequence[Line], order: str | None) -> StatedStart | U
     return StatedStart(time=round(1e6 * seconds) * 1000, place=f"line {day[1]}", with_clock=clock is not None)
 
 
-def _start_value(text: str) -> str:
-    """Return the value of a line whose label is that of a date or a time of day; empty for another line."""
+def _start_values(text: str) -> Iterator[tuple[str, str]]:
+    """Yield the label and the value of a line whose label is that of a date or a time of day; nothing for another line.
+
+    A value that is repeated for each column is given once.
+    """
     found = _LABELLED.match(with_numeric_month(text[:_MAX_LENGTH].replace('"', "")).lstrip("# "))
     if not found or not _STARTS.search(found["label"]) or _OTHER_TIMES.search(found["label"]):
-        return ""
-    return _DASHED.sub(r"\1/\2/\3", re.sub(r"[;\s]+", " ", found["value"]).strip(" ,"))
+        return
+    cells = [cell.strip() for cell in re.split(r"[;\t]", found["value"]) if cell.strip()]
+    once = cells[:1] if cells[1:] and cells[1].endswith(cells[0]) else cells
+    value = re.sub(r"\s+", " ", " ".join(once)).strip(" ,")
+    value = _SPACED.sub(r"\1-\2-\3 \4:\5:\6", value)
+    yield found["label"].strip().casefold(), _DASHED.sub(r"\1/\2/\3", value)
 
 
 def _read(kind: Dated, text: str, order: str | None) -> float | None:

@@ -71,7 +71,7 @@ def test_labview_table_without_times_has_the_rate_of_its_preamble(tmp_path: Path
     assert found.recording.rate == 100.0
     assert found.remarks == (
         "from the columns: left, right 1 in g",
-        "start time from line 6: 2026-02-01 17:18:18 UTC",
+        "start time from line 12: 2026-02-01 17:18:18 UTC",
         "the table begins in line 19",
         "sampling rate of the preamble: 100 Hz",
         "columns left out: X_Value (empty)",
