@@ -28,6 +28,7 @@ from updater import (
     opensees_matrices,
     read_program_files,
 )
+from updater.fe.external.programs.conversion import read_labelled
 from updater.fe.external.programs.meshes import read_mesh
 
 HERE = Path(__file__).parent
@@ -144,6 +145,38 @@ def test_harwell_boeing_matrices_are_read_with_the_mapping_of_ansys(tmp_path: Pa
     # scipy writes as many digits as the largest entry needs
     assert abs(found.stiffness[order][:, order] - model.stiffness).max() < 1e-7 * abs(model.stiffness).max()
     np.testing.assert_allclose(frequencies(found, 4), model.modes(4).frequency, rtol=1e-5)
+
+
+@pytest.mark.parametrize("form", ["lines", "columns"])
+def test_harwell_boeing_file_has_a_right_hand_side(tmp_path: Path, form: str) -> None:
+    """Layout of HBMAT with its defaults, as public readers of its files expect it, and numbers without blanks between.
+
+    Those readers: war16641/GoodTool, ANSYS/HBFILEREAD.m (five lines of header, then one number per line, D for E, the
+    right-hand side last); read_hbmat of AMfe.
+    """
+    model = simple()
+    names = ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ")
+    mapping = [f"{i:12d}{node:12d}   {names[axis]}" for i, (node, axis) in enumerate(rows_of(model), start=1)]
+    (tmp_path / "k.mapping").write_text("\n".join(["     Matrix Eqn      Node    DOF", *mapping]), encoding="utf-8")
+    matrix = sparse.csc_array(sparse.tril(model.stiffness))
+    matrix.sort_indices()
+    n, (per_line, width) = matrix.shape[0], (1, 14) if form == "lines" else (7, 3)
+    blocks = [[f"{v + 1:{width}d}" for v in index] for index in (matrix.indptr, matrix.indices)]
+    blocks += [[f"{v:25.15E}".replace("E", "D") for v in values] for values in (matrix.data, np.ones(n))]
+    blocks = [["".join(block[k : k + per_line]) for k in range(0, len(block), per_line)] for block in blocks]
+    counts = [len(block) for block in blocks]
+    path = tmp_path / "k.matrix"
+    head = [
+        "",
+        "".join(f"{count:14d}" for count in (sum(counts), *counts)),
+        f"RSA           {n:14d}{n:14d}{matrix.nnz:14d}{0:14d}",
+        f"({per_line}I{width})".ljust(16) * 2 + f"({per_line}D25.15)".ljust(20) * 2,
+        f"F             {1:14d}{n:14d}",
+    ]
+    path.write_text("\n".join([*head, *(line for block in blocks for line in block)]), encoding="utf-8")
+    found = read_labelled(path, None, ())
+    assert found.rows == tuple((node, axis) for node, axis in rows_of(model))
+    assert abs(found.matrix - model.stiffness).max() < 1e-14 * abs(model.stiffness).max()
 
 
 @pytest.mark.parametrize(("old", "new"), [("  1  3", "  1 99"), (" 1 4 2", " 1 7 2")])

@@ -1,24 +1,20 @@
 """Files of another finite element program as matrices with a DOF table, groups and faces."""
 
-import re
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
 from scipy import sparse
-from scipy.io import hb_read
 from scipy.sparse.linalg import splu
 
 from daq import FloatArray
 from updater.errors import StructureError
-from updater.fe.external.files import Matrices, check_indices
+from updater.fe.external.files import Matrices
+from updater.fe.external.programs.harwell_boeing import is_harwell_boeing, read_harwell_boeing
 from updater.fe.external.programs.meshes import read_mesh
 from updater.fe.external.programs.nastran import is_dmig, read_dmig
 from updater.fe.external.programs.numbers import (
-    MAX_ROWS,
     SCALAR,
     LabelledMatrix,
     Row,
@@ -34,9 +30,6 @@ _MILLIMETRE = 1e-3  # m
 _SCALAR_AXIS = 3  # rx: rotations are in no total mass
 _OUTSIDE = 0.05  # of the size of the structure: distance of the nodes for scalar points
 _LEAST_SIZE = 1e-3  # m
-_ANSYS_AXES = ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ")
-_SYMMETRIC_TYPE = re.compile(r"^(\s*R)S(A\s)", re.MULTILINE | re.IGNORECASE)
-_HB_FORMAT = re.compile(r"\(\s*(?:1P,?)?\s*\d+\s*[IEDFG]\s*\d+(?:\.\d+)?(?:E\d+)?\s*\)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,13 +220,14 @@ def read_labelled(
     if path.suffix.lower() == ".op4":
         return read_output4(path, points, initial)
     text = read_text(path)
-    lines = [line for line in text.splitlines() if line.strip()]
+    every = text.splitlines()
+    lines = [line for line in every if line.strip()]
     if not lines:
         raise StructureError(path, "no matrix can be read: the file is empty")
     if is_dmig(lines):
         return read_dmig(path, lines, initial)
-    if len(lines) > 3 and re.match(r"\s*[RCP][SUHZR][AE]\s", lines[2], re.IGNORECASE):
-        return _harwell_boeing(path, text, lines, rows or _names(path, ".mapping", like))
+    if is_harwell_boeing(every):
+        return read_harwell_boeing(path, every, rows or _names(path, ".mapping", like))
     data = [line for line in lines if not line.startswith("*")]
     width = len(data[0].replace(",", " ").split()) if data else 0
     if width == 5:
@@ -270,44 +264,3 @@ def _abaqus(path: Path, lines: Sequence[str]) -> LabelledMatrix:
     rows = checked_rows(path, ((int(node), int(axis) - 1) for node, axis in names.tolist()))
     row, column = number.reshape(-1, 2).T
     return LabelledMatrix(path, symmetric(path, row, column, table[:, 4], len(rows)), rows)
-
-
-def _harwell_boeing(path: Path, text: str, lines: Sequence[str], names: Path) -> LabelledMatrix:
-    """Read an assembled matrix of Ansys' HBMAT and its mapping: equation, node and name of the axis per line."""
-    found: list[Row] = []
-    for line in read_text(names).splitlines():
-        words = line.split()
-        if len(words) >= 3 and words[0].isdecimal() and words[1].isdecimal():
-            if words[2].upper() not in _ANSYS_AXES:
-                raise StructureError(
-                    names, f"node {words[1]}: expected {', '.join(_ANSYS_AXES)}, found {words[2]!r:.20}"
-                )
-            if int(words[0]) != len(found) + 1:
-                raise StructureError(names, f"expected equation {len(found) + 1}, found {words[0]}")
-            found.append((int(words[1]), _ANSYS_AXES.index(words[2].upper())))
-    rows = checked_rows(names, found)
-    _check_header(path, lines)
-    try:
-        whole = _SYMMETRIC_TYPE.sub(r"\1U\2", text, count=1)  # scipy reads the same layout as unsymmetric only
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")  # a line that is too long
-            columns = hb_read(StringIO(whole))
-            places = (np.asarray(index, np.int64) for index in (columns.indices, columns.indptr))
-            check_indices(columns.data, *places)
-            matrix = sparse.coo_array(columns)
-    except (ValueError, TypeError, IndexError, OverflowError, OSError, AttributeError, Warning) as error:
-        raise StructureError(path, f"no Harwell-Boeing matrix can be read: {error}".splitlines()[0][:200]) from error
-    if not np.isrealobj(matrix.data) or not np.isfinite(matrix.data).all():
-        raise StructureError(path, "no Harwell-Boeing matrix can be read: expected finite real numbers")
-    row, column = (np.asarray(index, np.int64) for index in matrix.coords)
-    return LabelledMatrix(path, symmetric(path, row, column, np.asarray(matrix.data, float), len(rows)), rows)
-
-
-def _check_header(path: Path, lines: Sequence[str]) -> None:
-    """Refuse counts that the file cannot hold, which scipy's reader would allocate."""
-    words = lines[2].split()
-    counts = [int(word) for word in words[1:4] if word.isdecimal()]
-    if len(counts) < 3 or max(counts[:2]) > MAX_ROWS or counts[2] > sum(map(len, lines)):
-        raise StructureError(path, f"expected numbers of rows, columns and entries, found {lines[2].strip()!r:.60}")
-    if not all(_HB_FORMAT.match(form) for form in re.findall(r"\([^)]*\)", lines[3])[:3]):
-        raise StructureError(path, f"expected formats of numbers, found {lines[3].strip()!r:.60}")
