@@ -12,6 +12,9 @@ from updater import build_model, load_structure
 PAGES = Path(__file__).parents[2] / "docs" / "howto" / "model"
 S2K = """File portal.s2k was saved
 
+TABLE:  "PROGRAM CONTROL"
+   ProgramName=SAP2000   Version=14.0.0   ProgLevel=Advanced   CurrUnits="N, m, C"
+
 TABLE:  "JOINT COORDINATES"
    Joint=1   CoordSys=GLOBAL   CoordType=Cartesian   XorR=0   Y=0   Z=0   SpecialJt=No
    Joint=2   CoordSys=GLOBAL   CoordType=Cartesian   XorR=0   Y=0   Z=2   SpecialJt=No
@@ -47,6 +50,31 @@ def test_tables_of_sap2000_become_a_structure_file(tmp_path: Path, monkeypatch: 
     assert model.modes(1).frequency[0] == pytest.approx(expected, rel=1e-3)
     sway = model.modes(1).shape[model.dofs[-1, :2], 0]
     assert abs(sway[0]) > 100 * abs(sway[1])  # about axis 3, which is y for a vertical member
+
+
+def test_tables_in_kips_and_inches_with_turned_axes_deflect_as_published(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """CSI's SAP2000 verification example 1-004: cantilever W12X106 of 144 in, axis 2 turned by 30 degrees, 1 kip down.
+
+    Deflections are published with five digits; the layout is that of a public test of a reader of $2k files.
+    """
+    monkeypatch.chdir(tmp_path)
+    text = S2K.replace("N, m, C", "Kip, in, F").replace("XorR=0   Y=0   Z=2", "XorR=144   Y=0   Z=0")
+    text = text.replace("=7849", "=0.000000735").replace("210000000000", "29000").replace("U12=0.3", "U12=0.3 ")
+    text = text.replace("Area=0.0012   TorsConst=1.2E-07", "Area=31.2   TorsConst=9.13")
+    text = text.replace("I33=4E-08   I22=3.6E-07   AS2=0.001   AS3=0.001", "I33=933   I22=301   AS2=0   AS3=0")
+    turned = """TABLE:  "FRAME LOCAL AXES ASSIGNMENTS 1 - TYPICAL"
+   Frame=post   Angle=30   MirrorAbt2=No   MirrorAbt3=No   AdvanceAxes=No
+
+END"""
+    Path("portal.s2k").write_text(text.replace("END", turned), encoding="utf-8", newline="\r\n")
+    run_cells(code_blocks(PAGES / "sap2000.md"))
+    model = build_model(load_structure("portal.toml"), shear_flexible=True, mass="consistent")
+    force = np.zeros(model.stiffness.shape[0])
+    force[model.dofs[-1, 2]] = -4448.2216  # N
+    tip = np.linalg.solve(model.stiffness.toarray(), force)[model.dofs[-1, 1:3]] / 0.0254
+    np.testing.assert_allclose(tip, [-0.03345, -0.05610], atol=6e-6)  # half of the last digit, and the rounded kip
 
 
 @needs_opensees
