@@ -1,5 +1,6 @@
 """Arrays of numpy's .npz and .npy, and Matlab's .mat files."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,9 @@ from daq.types import FloatArray, Recording
 
 _MAX_CHANNELS = 10_000
 ORIGIN = "origin"  #: array of one text
-_DATA, _RATE, _NAMES = ("data", "y"), ("rate", "fs"), ("channels", "names")
+_DATA, _NAMES = ("data", "y"), ("channels", "names")
+_RATE = re.compile(r"rate|fs|sampl\w*_?(rate|freq|frequency)", re.IGNORECASE)
+_STEP = re.compile(r"dt|ts|sampl\w*_?(time|interval|period)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +60,10 @@ def write(path: Path, recording: Recording) -> None:
 def read_arrays(path: Path, time: str | None = None, transposed: bool | None = None) -> Arrays:
     """Read signals from arrays.
 
-    Either ``data`` (or ``y``), (n_samples, n_channels), with ``channels`` (or ``names``; ch1, ch2, ... without) or one
-    array (n_samples,) a channel, named as the sensor; and ``rate`` (or ``fs``) [Hz] or an array `time`
-    (``t`` or ``time``, perhaps with its unit, unless given). A .npy file is ``data`` alone.
+    Either ``data`` (or ``y``, or the only matrix), (n_samples, n_channels), with ``channels`` (or ``names``; ch1, ch2,
+    ... without) or one array (n_samples,) a channel, named as the sensor; and ``rate`` (or ``fs``, ``SampleRate``, ..)
+    [Hz], its reciprocal ``dt``, or an array `time` (``t`` or ``time``, perhaps with its unit, unless given). A .npy
+    file is ``data`` alone. Fields of a structure are arrays.
 
     Parameters
     ----------
@@ -75,9 +79,13 @@ def read_arrays(path: Path, time: str | None = None, transposed: bool | None = N
     """
     arrays = _load(path)
     t_name = time_column(arrays, time) or time or "t"
-    rate, t = _first(arrays, _RATE), arrays.pop(t_name, None)
+    rate, t = _rate(path, arrays), arrays.pop(t_name, None)
     data, names = _first(arrays, _DATA), _first(arrays, _NAMES)
-    origin = _origin(path, arrays)
+    origin, remarks = _origin(path, arrays), []
+    matrices = [name for name, array in arrays.items() if np.ndim(array) == 2 and min(np.shape(array)) > 1]
+    if data is None and len(matrices) == 1:
+        data = arrays.pop(matrices[0])
+        remarks = [f"channels of the array {matrices[0]!r}"]
     if data is None:
         arrays = {name: array.squeeze() for name, array in arrays.items() if array.size > 1}
         lengths = {array.shape for array in arrays.values()}
@@ -96,11 +104,22 @@ def read_arrays(path: Path, time: str | None = None, transposed: bool | None = N
     return Arrays(
         names=_channel_names(path, names, values.shape[1]),
         values=values,
-        rate=None if rate is None else float(_numbers(path, "rate", rate).ravel()[0]),
+        rate=rate,
         t=None if t is None else _numbers(path, t_name, t).ravel(),
         t_name=t_name,
         origin=origin,
+        remarks=tuple(remarks),
     )
+
+
+def _rate(path: Path, arrays: dict[str, Any]) -> float | None:
+    """Take the sampling rate [Hz] out of arrays, None if there is none."""
+    for kind in (_RATE, _STEP):
+        for name, array in arrays.items():
+            if kind.fullmatch(name) and np.size(array) == 1:
+                value = float(_numbers(path, name, arrays.pop(name)).ravel()[0])
+                return value if kind is _RATE or value == 0 else 1 / value
+    return None
 
 
 def _ask_orientation(path: Path, shape: tuple[int, int], names: object, t: object) -> None:

@@ -42,11 +42,23 @@ def read_mat(path: Path) -> dict[str, Any]:
             return _read_hdf5(path)
         if version == _COMPRESSED:
             _check_elements(path)
-        return {name: array for name, array in loadmat(path).items() if not name.startswith("__")}
+        return _with_fields({name: array for name, array in loadmat(path).items() if not name.startswith("__")})
     except MatReadError as error:
         raise ValueError(str(error)) from error
     except UnboundLocalError as error:  # of scipy
         raise DataError(path, "is damaged: an array is of an unknown class") from error
+
+
+def _with_fields(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """Return arrays with the fields of structures in their place; a field that is called as another one is left out."""
+    found: dict[str, Any] = {}
+    for name, array in arrays.items():
+        fields = getattr(getattr(array, "dtype", None), "names", None)
+        if fields and array.size == 1:
+            found = _with_fields({field: array[field].item() for field in fields}) | found
+        else:
+            found[name] = array
+    return found
 
 
 def _read_hdf5(path: Path) -> dict[str, Any]:
@@ -66,7 +78,8 @@ def _read_hdf5(path: Path) -> dict[str, Any]:
             path, "is a Matlab 7.3 file, which needs h5py: save it with -v7, or pip install 'modalwatch[formats]'"
         ) from error
     with h5py.File(path, "r") as file:
-        sets = {name: item for name, item in file.items() if isinstance(item, h5py.Dataset)}
+        groups = [file, *(item for name, item in file.items() if isinstance(item, h5py.Group) and name[0] != "#")]
+        sets = {n: item for group in groups[::-1] for n, item in group.items() if isinstance(item, h5py.Dataset)}
         check_unpacked(path, "arrays", sum(item.size * item.dtype.itemsize for item in sets.values()))
         found = {name: _content(file, item) for name, item in sets.items()}
     return {name: content for name, content in found.items() if content is not None}

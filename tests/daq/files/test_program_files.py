@@ -7,8 +7,10 @@ on them.
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from daq import DataError, DataOptions, read_data, read_measured
 from daq.files import parse_sensitivity
@@ -163,6 +165,38 @@ def test_times_of_telephones_and_loggers(tmp_path: Path, names: str) -> None:
     np.testing.assert_allclose(found.data, DATA * (G if "(g)" in names else 1.0), rtol=1e-12)
     if not names.startswith("count"):
         assert found.start == pytest.approx(began.timestamp() * 1e9, abs=1e3)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"shm01a": DATA, "Fs": 200.0},  # a matrix of any name, as in the IASC-ASCE benchmark
+        {"Dat": {"Data": DATA, "SampleRate": 200.0, "Date": "2020"}},  # a structure
+        {"test": {"info": {"dt": 1 / 200}, "acc": DATA}, "floor": np.arange(3.0)},
+    ],
+)
+def test_matlab_files_of_data_sets(tmp_path: Path, content: dict[str, object]) -> None:
+    """Forms in which public programs read data sets: the arrays have any name, or are fields of a structure."""
+    path = tmp_path / "set.mat"
+    savemat(path, content)
+    found = read_measured(path, DataOptions())
+    np.testing.assert_array_equal(found.recording.data, DATA)
+    assert found.recording.rate == pytest.approx(200.0)
+    assert found.remarks[0].startswith("channels of the array ")
+
+
+def test_structure_in_a_file_of_matlab_7_3(tmp_path: Path) -> None:
+    path = tmp_path / "set.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        group = file.create_group("Dat")
+        group.attrs["MATLAB_class"] = np.bytes_("struct")
+        group["Data"], group["SampleRate"] = DATA.T, 200.0
+        file.create_group("#refs#")["a"] = np.arange(5.0)
+    with path.open("r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+    found = read_data(path)
+    np.testing.assert_array_equal(found.data, DATA)
+    assert found.rate == 200.0
 
 
 @pytest.mark.parametrize(
