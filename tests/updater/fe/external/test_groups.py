@@ -147,14 +147,19 @@ def test_mesh_that_is_coarse_brings_in_no_further_cause(tmp_path: Path) -> None:
 def test_effects_are_named_or_refused_and_deviations_state_the_errors(
     tmp_path: Path, mesh: tuple[FloatArray, FloatArray] | None
 ) -> None:
-    """No effect is named as another one. Of 36 sizes, 28 or fewer within two deviations have a chance of 0.02 %."""
+    """No effect is named as another one. Of 36 sizes, 28 or fewer within two deviations have a chance of 0.02 %.
+
+    A coarse mesh may hide the smaller one of two effects (docs/validation/model/groups.md).
+    """
     table, size = write_table(tmp_path, mesh=mesh), list[float]()
     for effect, seed in product(EFFECTS, SEEDS):
         found = _diagnosed(table, effect, seed)[1]
         errors = _errors(effect, found)
         print(effect, seed, found.diagnosis.verdict, _named(found), errors)
         size += errors or []
-        assert errors is not None or (mesh is not None and found.diagnosis.verdict in {"unexplained", "ambiguous"})
+        part = set(_named(found)) < {(cause, place) for cause, place, *_ in EFFECTS[effect][1]}
+        refused = found.diagnosis.verdict in {"unexplained", "ambiguous"}
+        assert errors is not None or (mesh is not None and (refused or part))
     within = [sum(abs(error) < n for error in size) for n in (1, 2)]
     print(f"{len(size)} sizes, {within[0]} within one deviation, {within[1]} within two")
     assert within[1] >= 0.8 * len(size)
