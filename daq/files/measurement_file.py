@@ -17,6 +17,7 @@ from daq.files.columns.scaling import calibration_remark, differentiation_remark
 from daq.files.columns.stated_start import StatedStart, UnclearDate
 from daq.files.columns.temperatures import known_mean, mean_temperature, temperature_remark
 from daq.files.columns.time_column import (
+    clock_column,
     date_column,
     date_remark,
     in_seconds,
@@ -222,6 +223,7 @@ def _table(path: Path, options: DataOptions) -> Columns:
     time = time_column(filled, options.time)
     if time is None and options.time is None and rate is None:
         time = rising_column(layout.names, layout.head) or moment_column(layout.names, first)
+        time = time or clock_column(layout.names, first)
     day = date_column(layout.names, first, time)
     others = _foreign_columns(layout, {time, day}) if options.columns is None else {}
     untimed = no_times(every, options.time) + ("" if layout.named else ", and --columns to name them")

@@ -79,7 +79,8 @@ def date_column(names: Sequence[str], first: Sequence[str], time: str | None) ->
     if time is None or not reads(CLOCK, cell.get(time, "")):
         return None
     called = [name for name in names if _DAYS.fullmatch(_parted(name)[0])]
-    return next((name for name in called if reads(DAY, cell.get(name, ""))), called[0] if called else None)
+    found = next((name for name in (*called, *names) if name != time and reads(DAY, cell.get(name, ""))), None)
+    return found or (called[0] if called else None)
 
 
 def moment_column(names: Sequence[str], first: Sequence[str]) -> str | None:
@@ -95,6 +96,17 @@ def moment_column(names: Sequence[str], first: Sequence[str]) -> str | None:
     cells = [(name, cell) for name, cell in zip(names, first, strict=False) if name and ":" in cell]
     found = [name for name, cell in cells if reads(MOMENT, cell)]
     return next((name for name in found if _DAYS.fullmatch(_parted(name)[0])), found[0] if found else None)
+
+
+def clock_column(names: Sequence[str], first: Sequence[str]) -> str | None:
+    """Return the name of the first column of times of day, None where there is none.
+
+    Parameters
+    ----------
+    names : of all columns
+    first : cells of the first line
+    """
+    return next((name for name, cell in zip(names, first, strict=False) if name and reads(CLOCK, cell)), None)
 
 
 def rising_column(names: Sequence[str], head: Sequence[Sequence[str]]) -> str | None:

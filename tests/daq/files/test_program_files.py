@@ -140,6 +140,7 @@ PHONES = {
     "Date;Timestamp;DeviceOrientation;AccelerationX;AccelerationY": "{iso};{epoch:.6f};faceUp;{a};{b}",  # SensorLog
     "Address\tChipTime\tax(g)\tay(g)\twx(deg/s)": "0x50\t{iso}\t{a}\t{b}\t0.0",  # WitMotion
     "": "{iso},{a},{b}",  # OmGui of Axivity
+    "Fecha;Hora;a;b": "{day};{clock};{a};{b}",  # dates and times of day, called so in any language
     "count,a_x,a_y": "{k},{a},{b}",  # PLab-SI/PicoQuake, docs/acquisition_data.md
 }
 
@@ -155,7 +156,17 @@ def test_times_of_telephones_and_loggers(tmp_path: Path, names: str) -> None:
         moment = began + timedelta(seconds=k / 50)
         us = round(moment.timestamp() * 1e6)
         iso = moment.replace(tzinfo=None).isoformat(timespec="milliseconds")
-        values = {"ms": us // 1000, "ns": 1000 * us, "epoch": us / 1e6, "iso": iso, "s": k / 50, "k": k + 1}
+        day, clock = f"{moment:%d.%m.%Y}", f"{moment:%H:%M:%S.%f}"
+        values = {
+            "day": day,
+            "clock": clock,
+            "ms": us // 1000,
+            "ns": 1000 * us,
+            "epoch": us / 1e6,
+            "iso": iso,
+            "s": k / 50,
+            "k": k + 1,
+        }
         lines.append(PHONES[names].format(**values, a=a, b=b))
     path = tmp_path / "phone.csv"
     path.write_text("\n".join(lines))
