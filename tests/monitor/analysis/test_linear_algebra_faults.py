@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[3]
 _PACKAGES = ("updater", "oma", "monitor/analysis", "monitor/watch")
 # Each of these reads text or a file, and reports a ValueError with its line or field.
 _READERS = {
-    "updater/fe/external/programs/conversion.py",
+    "updater/fe/external/programs/harwell_boeing.py",
     "updater/structure/structure.py",
     "updater/structure/toml_file.py",
     "updater/fe/external/files.py",
