@@ -157,8 +157,12 @@ class ParameterChange(PlainValue):
 
         The deviation of a connection's flexibility, which is 0 where it is rigid, is relatively that of its stiffness.
         """
-        if self.at_bound:
-            return False
-        if self.before is None:
-            return self.after > SIGNIFICANT * self.std
-        return abs(self.after - self.before) > SIGNIFICANT * self.std
+        return not self.at_bound and self.deviations > SIGNIFICANT
+
+    @property
+    def deviations(self) -> float:
+        """Difference from `before` in standard deviations, at least 0; infinite without a deviation."""
+        off = self.after if self.before is None else abs(self.after - self.before)
+        if self.std > 0:
+            return max(off / self.std, 0.0)
+        return math.inf if off > 0 else 0.0

@@ -47,6 +47,7 @@ _SAME_ERROR = 0.02  # relative difference of errors of frequencies that are thos
 _LARGE = 10.0  # kg: smaller masses are given in grams
 CLEAR_ODDS = 5.0  #: log evidence above which only one interpretation of the residual forces is shown
 SIGNIFICANT = 3.0  #: standard deviations from which a peak of them is named
+_SURE = 3.0  # standard deviations from which a fitted parameter surely differs from the file
 
 
 def fit_text(answer: MassAnswer) -> str:
@@ -165,6 +166,14 @@ def further_changes_text(changes: Sequence[ParameterChange]) -> str:
         quantities = " and ".join(f"{what}{', '.join(about)}" for what, about in once.items())
         places.setdefault(quantities, []).append(place)
     return f"within two deviations of the file: {'; '.join(w + _places_text(p) for w, p in places.items())}"
+
+
+def uncertain_text(changes: Sequence[ParameterChange]) -> str:
+    """Return the names of listed parameters that differ from the file by less than three deviations; empty if none."""
+    names = [change.name for change in changes if _SURE > change.deviations > 0 and not change.at_bound]
+    if not names:
+        return ""
+    return f"uncertain, two to three deviations from the file (--fix NAME keeps its value): {'; '.join(names)}"
 
 
 def _places_text(places: Sequence[str]) -> str:

@@ -23,6 +23,7 @@ MAX_SENSORS = 1000  #: covariances of all pairs of channels are held in memory
 _SHORTEST = 1e-3  # of its member's length, extent of a segment
 _ROUNDING = 1e-9  # of a factor that is 0
 _SLOWEST, _FASTEST = 100.0, 30_000.0  # m/s: rubber, and twice diamond
+_HEAVIEST = 1e9  # kg of members: five times the steel of the Akashi Kaikyo bridge
 
 
 def check_size(structure: Entries) -> None:
@@ -183,10 +184,11 @@ def _check_joint(joint: Joint, structure: Entries, passing: npt.NDArray[np.bool_
 
 
 def odd_units(structure: Entries) -> list[str]:
-    """Return a line for each material and section that no structure is built of.
+    """Return a line for each material and section that no structure is built of, and for a mass that none has.
 
     A material is judged by the speed of waves along a bar, in which megapascals and g/cm3 show; a section by how far
-    from its axis it lies, over the largest extent of the structure, in which millimetres show.
+    from its axis it lies, over the largest extent of the structure, in which millimetres show. If all lengths are in
+    millimetres, the mass is 1e9 times too large.
     """
     ends = [point for member in structure.member for point in (member.start, member.end)]
     extent = max(max(axis) - min(axis) for axis in zip(*ends, strict=True))
@@ -205,6 +207,12 @@ def odd_units(structure: Entries) -> list[str]:
                 f"section {name}: its radius of gyration is {radius:.3g} m, the whole structure {extent:.3g} m long; "
                 "is it in m, m2, m4?"
             )
+    mass = sum(
+        structure.material[m.material].density * structure.section[m.section].area * math.dist(m.start, m.end)
+        for m in structure.member
+    )
+    if mass > _HEAVIEST:
+        notes.append(f"the members weigh {mass:.2g} kg, and the structure is {extent:.3g} m long; are lengths in m?")
     return notes
 
 

@@ -1,12 +1,12 @@
 """Calibration of channels: unit, sensitivity, scale, sign and offset, from a TOML file or for all channels."""
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from daq.bounded_text import parse_toml
 from daq.errors import DataError
 from daq.files.columns.units import Sensitivity, parse_sensitivity, parse_unit
 
@@ -49,10 +49,10 @@ def read_calibration(path: Path) -> dict[str, Calibration]:
     """
     try:
         text = path.read_bytes()[:_MAX_BYTES].decode("utf-8")
-        content = tomllib.loads(text)
+        content = parse_toml(text)
     except OSError as error:
         raise DataError(path, f"cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise DataError(path, f"is no TOML: {error}") from error
     return {channel: _calibration(path, channel, entry) for channel, entry in content.items()}
 

@@ -249,6 +249,7 @@ def test_calibration_of_each_channel(tmp_path: Path) -> None:
         ('[left]\nunit = "parsec"', "left.unit: expected a unit as .*, found 'parsec'"),
         ('[left]\nsensitivity = "100"', "left.sensitivity: expected a sensitivity such as"),
         ("[left", "is no TOML"),
+        ("[left]\nunit = mg", 'is no TOML: Invalid value .*: a text needs quotes: "mg"'),
     ],
 )
 def test_invalid_calibration_is_named(tmp_path: Path, text: str, says: str) -> None:

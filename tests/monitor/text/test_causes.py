@@ -15,6 +15,7 @@ from monitor.text.causes import (
     gain_texts,
     left_over_text,
     parameter_text,
+    uncertain_text,
     where_text,
 )
 from monitor.text.diagnosis import rejection_text, smallest_changes_text, written_bodies_texts
@@ -213,6 +214,10 @@ def test_every_parameter_that_a_model_changes_is_named() -> None:
     for found, verdict in ((cause, "Explained:"), (small, heading)):
         diagnosis = Diagnosis.model_construct(verdict="explained", causes=(found,))
         assert verdict_text(diagnosis) == verdict
+    joint, certain = spring("z", 2.7e3, 1.3e3, "joint"), spring("x", 2e3, 0.1e3, "foot of the left post")
+    names = f"{joint.name}; {joint.name}"
+    assert uncertain_text([joint, certain, joint]).endswith(f"from the file (--fix NAME keeps its value): {names}")
+    assert not uncertain_text([certain])
     feet = tuple(spring(axis, 5e5, 5e5, f"foot of post {k}") for k in range(5) for axis in "xy")
     assert further_changes_text(feet) == "within two deviations of the file: rotational stiffness about x, y at 5 feet"
     joints = tuple(spring(axis, 5e5, 5e5, "joint of the posts and the beam") for _ in range(2) for axis in "xz")

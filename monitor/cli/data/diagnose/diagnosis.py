@@ -39,7 +39,14 @@ from monitor.results.convert import bare_reference
 from monitor.results.correlation import discrepancy_result
 from monitor.results.state_comparison import StateComparison, compare_states
 from monitor.text.cause_list import listed_causes
-from monitor.text.causes import alternative_texts, cause_text, further_changes_text, gain_text, probability_text
+from monitor.text.causes import (
+    alternative_texts,
+    cause_text,
+    further_changes_text,
+    gain_text,
+    probability_text,
+    uncertain_text,
+)
 from monitor.text.diagnosis import written_bodies_texts
 from monitor.text.quantities import plain
 from monitor.text.sensors import health_result
@@ -400,6 +407,8 @@ def _say_parameters(calibration: Calibration) -> None:
     changes = calibration.changes()
     if moved := [change for change in changes if change.listed]:
         console.print(changes_table(moved, "model parameters fitted to the reference logs"))
+    if uncertain := uncertain_text(moved):
+        console.print(uncertain, style="dim", markup=False)
     if others := further_changes_text([change for change in changes if not change.listed]):
         spring = "; a connection that is rigid in the file is a stiff spring in the extended model"
         rigid = any(change.before is None for change in changes if not change.listed)

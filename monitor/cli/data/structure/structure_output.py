@@ -107,11 +107,14 @@ def body_table(sight: ModeVisibility, outlook: DetectabilityStudy) -> Table:
     for m, member in ((int(m), members[m]) for m in shown):
         here = np.flatnonzero(outlook.member == m)
         least = here[np.argmin(sight.weakest[here])]
+        if not np.isfinite(sight.weakest[least]):  # held at both ends: no mode moves it
+            table.add_row(escape(member.name), *["none", "-", "none", "none", "all of it"])
+            continue
         table.add_row(
             escape(member.name),
             mass_words(float(sight.weakest[least])),
             f"{outlook.places.position[least]:.2f}",
-            mass_words(median[m]),
+            mass_words(median[m]) if np.isfinite(median[m]) else "none",
             _millimetres(1000 * float(np.median(place[here]))),
             stretches_text(blind(outlook, sight.weakest.tolist(), m)) or "none",
         )

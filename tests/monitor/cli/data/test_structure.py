@@ -273,6 +273,35 @@ def test_structure_command_prints_note_on_implausible_units(modalwatch: Commands
     assert "\nnote: material steel: waves would run through it at 5.2 m/s" in done.out
 
 
+def test_lengths_in_millimetres_are_noted() -> None:
+    """A bar of 3 m and 1 cm2 has 2.4 kg, and 1e9 times as much if its millimetres are read as metres."""
+    text = CANTILEVER.replace("1e-4", "100").replace("[8e-10, 4e-10]", "[800, 400]").replace("1e-9", "1000")
+    (note,) = odd_units(parse_structure(text.replace("[1, 0, 0]", "[3000, 0, 0]")))
+    assert note == "the members weigh 2.4e+09 kg, and the structure is 3e+03 m long; are lengths in m?"
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_member_that_no_mode_moves_detects_no_mass(modalwatch: Commands, tmp_path: Path) -> None:
+    path = tmp_path / "bar.toml"
+    plinth = """
+[[member]]
+name = "plinth"
+from = [0.0, 0.0, 0.0]
+to = [-0.05, 0.0, 0.0]
+material = "steel"
+section = "bar"
+elements = 1
+[[support]]
+at = [-0.05, 0.0, 0.0]
+fixed = ["x", "y", "z", "rx", "ry", "rz"]
+"""
+    path.write_text(cantilever((1.0, "y"), (0.5, "z")) + plinth, encoding="utf-8")
+    done = modalwatch("structure", path)
+    assert (done.code, done.err) == (0, "")
+    (row,) = (line.split() for line in done.out.splitlines() if line.startswith("  plinth"))
+    assert row == ["plinth", "none", "-", "none", "none", "all", "of", "it"]
+
+
 def test_parameters_are_listed_with_their_sensitivities(tmp_path: Path, modalwatch: Commands) -> None:
     """A cantilever's frequency goes with the square root of E: half of the 3 % that the prior allows."""
     file, out = tmp_path / "bar.toml", tmp_path / "bar.json"
