@@ -9,6 +9,7 @@ import numpy as np
 from daq import FloatArray
 from oma import pair_modes
 from updater.errors import ModalDataError, PairingError
+from updater.fe import Model, Modes
 from updater.modal_data import ModalMean
 from updater.quantities import ExchangedSections
 from updater.reference.calibration import FREQUENCY_ERROR, best_model, calibrate, channel_rows, enough_modes
@@ -120,20 +121,28 @@ def _nominal_misfit(structure: Structure, measured: ModalMean) -> float:
     model = best_model(structure)
     rows, frequency = channel_rows(model, measured.channels), np.exp(measured.log_frequency)
     modes = enough_modes(model, rows, float(np.nanmax(frequency)), len(frequency))
-    pairs = pair_modes(frequency, measured.shape, modes.frequency, (rows @ modes.shape).T)
-    residual = np.where(pairs >= 0, np.log(frequency / modes.frequency[pairs]), np.nan)
+    residual = _residual(model, modes, measured)
     return _log_rms(residual - np.nanmedian(residual) if np.isfinite(residual).any() else residual)
 
 
 def _calibrated_misfit(structure: Structure, measured: ModalMean) -> FloatArray:
-    """Return the residuals of ln f (n_modes,) with the calibrated model; NaN without a partner."""
-    residual = np.full(len(measured.log_frequency), np.nan)
+    """Return the residuals of ln f (n_modes,) with the calibrated model; NaN without a partner.
+
+    Modes are paired again once the model is calibrated: those whose frequency was too far from the file's, as with
+    rigid feet, have no partner before.
+    """
     try:
         fitted = calibrate(structure, measured)
     except (PairingError, ModalDataError):
-        return residual
-    residual[fitted.tracks] = measured.log_frequency[fitted.tracks] - np.log(fitted.modes.frequency[fitted.paired])
-    return residual
+        return np.full(len(measured.log_frequency), np.nan)
+    return _residual(fitted.model, fitted.modes, measured)
+
+
+def _residual(model: Model, modes: Modes, measured: ModalMean) -> FloatArray:
+    """Return ln of measured frequencies over those of a model's modes (n_modes,); NaN without a partner."""
+    frequency, rows = np.exp(measured.log_frequency), channel_rows(model, measured.channels)
+    pairs = pair_modes(frequency, measured.shape, modes.frequency, (rows @ modes.shape).T)
+    return np.where(pairs >= 0, np.log(frequency / modes.frequency[pairs]), np.nan)
 
 
 def _log_rms(residual: FloatArray) -> float:

@@ -59,7 +59,7 @@ def window_card(window: WindowResult, run_results: RunResults, answered: WindowR
     """
     parts = [f"# {verdict(window, run_results.alarms)}"]
     if window.phase == "learning":
-        parts.append(f"{window.index + 1} window{'s' * (window.index > 0)} so far. Nothing is judged yet.")
+        parts.append(f"{window.index + 1} window{'s' * (window.index > 0)} so far. No window is evaluated yet.")
     if window.answer:
         parts.append(_answer(window.answer))
     elif answered and answered.answer:

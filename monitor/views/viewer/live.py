@@ -16,7 +16,6 @@ from monitor.results.residuals import TOPIC_RESIDUALS, ChannelResiduals
 from monitor.results.run_results import RunResults, standing_answer
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult, event_result
 from monitor.settings import Settings, attached_structure, parse_attached
-from monitor.views.geometry import Geometry
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.increments import draw_increments
 from monitor.views.viewer.layout.blueprint import Live, layout
@@ -33,6 +32,7 @@ from monitor.views.viewer.signals.channels import (
     draw_residuals,
     draw_rms,
     draw_temperature,
+    name_thermometers,
 )
 from monitor.views.viewer.signals.traces import SignalStream
 from monitor.views.viewer.spectrum import draw_spectra
@@ -155,8 +155,12 @@ class LiveResults:
     def add_temperature(self, name: str, time: int, celsius: float) -> None:
         """Draw a reading [degC] of the site or a device, unless the last one is too recent."""
         if math.isfinite(celsius) and abs(time - self._temperatures.get(name, 0)) >= _TEMPERATURE_SECONDS * 1e9:
+            is_new = name not in self._temperatures
             self._temperatures[name] = time
             number = list(self._temperatures).index(name)
+            if is_new:
+                at(self._recording, time)
+                name_thermometers(self._recording, list(self._temperatures), static=False)
             draw_temperature(self._recording, name, number, [time], [celsius])
 
     def add_residuals(self, residuals: ChannelResiduals) -> None:
@@ -198,8 +202,7 @@ class LiveResults:
         run_results = self._results_of([window])
         at(self._recording, window.end)  # axes too: what is logged before any time would hide those of later windows
         if run_results.geometry:
-            geometry = Geometry(run_results.geometry)
-            draw_place(self._recording, geometry, window, run_results.mass_unit, self._answered)
+            draw_place(self._recording, run_results.geometry, window, run_results.mass_unit, self._answered)
         if self._reference:
             draw_window_shapes(self._recording, self._reference, run_results.watched)
         draw_spectra(self._recording, run_results, static=False)

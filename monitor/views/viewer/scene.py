@@ -10,10 +10,14 @@ import rerun as rr
 from daq import FloatArray
 from monitor.results.run_results import RunResults, standing_answer, thin
 from monitor.results.windows import MassAnswer, ReferenceResult, WindowResult
-from monitor.text.quantities import share_text
+from monitor.text.cause_list import listed_causes
+from monitor.text.causes import placed_text
+from monitor.text.quantities import plain, share_text
+from monitor.text.verdicts import is_one_mass
 from monitor.views.geometry import Geometry, screen
 from monitor.views.palette import ALARM, DIM, GREY, LIGHTER, REGION, SENSOR, STEEL, TEXT, heat
 from monitor.views.viewer.primitives import at, once
+from updater import Cause
 from updater.quantities import Vector
 
 TUBE = 0.0095  # of the structure's size, radius of its members
@@ -21,17 +25,17 @@ SIDE = (24.0, 12.0)  # degrees: azimuth and elevation of the viewer
 _DENSITY = 400.0  # kg/m3 of the sphere that represents a mass: light, so that it is visible
 _LEADER = 0.62  # share of the way from the mass to the top of its label, which extends downwards
 _LARGEST = 0.06  # of the structure's size
+_LIFT = 0.12  # of the structure's size, from a place up to its words
 
 
 def draw_structure(recording: rr.RecordingStream, run_results: RunResults) -> None:
     """Draw members, supports, sensors and, window by window, where the mass is."""
     if run_results.geometry is None:
         return
-    geometry = Geometry(run_results.geometry)
     draw_bare_structure(recording, run_results.geometry, run_results.start)
     answered: WindowResult | None = None
     for window in thin(run_results.windows):
-        draw_place(recording, geometry, window, run_results.mass_unit, answered)
+        draw_place(recording, run_results.geometry, window, run_results.mass_unit, answered)
         answered = standing_answer(window, answered)
 
 
@@ -47,17 +51,60 @@ def draw_bare_structure(recording: rr.RecordingStream, reference: ReferenceResul
 
 def draw_place(
     recording: rr.RecordingStream,
-    geometry: Geometry,
+    reference: ReferenceResult,
     window: WindowResult,
     unit: tuple[float, str],
     answered: WindowResult | None,
 ) -> None:
-    """Draw the position of the mass; `answered` is the window whose position is drawn, until the alarm ends."""
+    """Draw the position of the mass, and of causes other than one mass; both remain until the alarm ends.
+
+    Parameters
+    ----------
+    answered : window whose position of the mass was drawn before
+    """
+    geometry = Geometry(reference)
     at(recording, window.end)
     if window.answer:
         _mass(recording, geometry, window.answer, unit)
     elif answered and not standing_answer(window, answered):
         _bare(recording, geometry)
+    if window.diagnosis or window.phase != "alarm":
+        recording.log("/structure/causes", rr.Clear(recursive=True))
+    if window.diagnosis and not (window.answer and is_one_mass(window.diagnosis)):
+        draw_causes(recording, geometry, window.diagnosis.causes, reference, static=False)
+
+
+def draw_causes(
+    recording: rr.RecordingStream,
+    geometry: Geometry,
+    causes: Sequence[Cause],
+    reference: ReferenceResult,
+    *,
+    static: bool,
+) -> None:
+    """Draw a ball and words at each cause's place, its 95 % region, and a ring about each channel that one names."""
+    above = np.array([0.0, 0.0, _LIFT * geometry.size])
+    listed = listed_causes(causes)
+    placed = [c for c in listed if c.where and c.where.position]
+    places = np.array([c.where.position for c in placed if c.where], float).reshape(-1, 3)
+    placed_channels = [(name, c) for c in listed if c.where for name in c.where.channels if name in reference.sensors]
+    at_sensors = np.array([reference.sensors[name][0] for name, _ in placed_channels], float).reshape(-1, 3)
+    balls = rr.Points3D(places, radii=2.2 * TUBE * geometry.size, colors=[ALARM])
+    recording.log("/structure/causes/places", balls, static=static)
+    rings = rr.Points3D(at_sensors, radii=2.0 * TUBE * geometry.size, colors=[REGION])
+    recording.log("/structure/causes/channels", rings, static=static)
+    words = [placed_text(c) for c in placed]
+    words += [f"{plain(c.cause)}: {name}" for name, c in placed_channels]
+    spots = np.concatenate([places, at_sensors]) + above
+    labels = rr.Points3D(spots, radii=0.0, colors=[TEXT], labels=words, show_labels=True)
+    recording.log("/structure/causes/names", labels, static=static)
+    leaders = rr.LineStrips3D(
+        [[s - above, s - 0.4 * above] for s in spots], colors=[GREY], radii=rr.Radius.ui_points(0.6)
+    )
+    recording.log("/structure/causes/leaders", leaders, static=static)
+    regions = [stretch for c in placed if c.where for stretch in c.where.region]
+    bars = rr.LineStrips3D([list(r) for r in regions], colors=[REGION], radii=2.0 * TUBE * geometry.size)
+    recording.log("/structure/causes/region", bars, static=static)
 
 
 def seen(geometry: Geometry, answers: Sequence[MassAnswer]) -> FloatArray:

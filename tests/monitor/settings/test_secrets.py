@@ -231,7 +231,7 @@ def test_written_files_and_served_pages_contain_no_secrets(
         with subprocess.Popen([*command, str(site)], stdout=stream, stderr=stream, env=environment) as process:
             try:
                 until(lambda: all(why in page("/healthz") for why in FAILURES), process)
-                until(lambda: b"Nothing is judged before the baseline is learned" in page("/state"), process)
+                until(lambda: b"No window is evaluated before the baseline is learned" in page("/state"), process)
                 text = site.read_text(encoding="utf-8")
                 site.write_text(text.replace("postgresql:", "mysql:"), encoding="utf-8")
                 process.send_signal(signal.SIGHUP)

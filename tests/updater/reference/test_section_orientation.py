@@ -71,13 +71,12 @@ def _rigid(file: Structure) -> Structure:
     "members", [POSTS, *(pytest.param(one, marks=pytest.mark.thorough) for one in (BEAM, POSTS + BEAM))]
 )
 def test_exchanged_members_of_a_file_with_rigid_feet_are_named(seed: int, members: tuple[str, ...]) -> None:
-    """Of some draws no file calibrates well enough to be sure, with the section as it is: no name is then given."""
     portal, foot, random = _drawn(seed)
     file = _rigid(_exchanged(portal.file(), members))
     found = exchanged_sections(file, mean_modes(_observed(portal, foot, random).modes))
     print(seed, portal, foot, found)
-    assert found is None or found.members == members
-    assert found or seed not in {0, 3, 5}
+    assert found
+    assert found.members == members
 
 
 def _other_moments(file: Structure, random: np.random.Generator) -> Structure:
@@ -99,7 +98,7 @@ def _swapped(file: Structure, random: np.random.Generator) -> Structure:
 @pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(8))
 def test_other_errors_of_the_file_are_no_exchange(seed: int) -> None:
-    """No exchange in a file with rigid feet, other second moments, exchanged channels, or that lacks a body."""
+    """No exchange with rigid feet, other second moments, exchanged channels, several of these, or a missing body."""
     portal, foot, random = _drawn(seed, 94)
     right, file = mean_modes(_observed(portal, foot, random).modes), portal.file()
     at, mass = random.uniform(0.2, 0.9), random.uniform(0.3, 2.0)
@@ -109,7 +108,10 @@ def test_other_errors_of_the_file_are_no_exchange(seed: int) -> None:
         (_rigid(file), right),
         (_other_moments(file, random), right),
         (_swapped(file, random), right),
+        (_rigid(_other_moments(file, random)), right),
+        (_rigid(_swapped(file, random)), right),
         (file, loaded),
+        (_rigid(file), loaded),
     ):
         assert exchanged_sections(wrong, modes) is None
 

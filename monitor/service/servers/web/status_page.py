@@ -24,6 +24,7 @@ _SILENT = 3.0  # s
 _RESIDUALS = 4  # channels that are listed
 _FIGURE_SPACE = "\u2007"  # as wide as a digit
 _NO_PAST = "the history is empty"
+_NOT_EVALUATED = "No window is evaluated before the baseline is learned."
 _HEADLINE = {
     "learning": "Learning the baseline",
     "normal": "Normal",
@@ -92,10 +93,10 @@ def _learning(status: SiteStatus) -> dict[str, Any]:
     """Return the progress of the baseline and a text on it."""
     progress, left = status.learning, status.learning_left
     if progress is None or left is None:
-        return {"progress": None, "text": "No usable window yet. Nothing is judged before the baseline is learned."}
+        return {"progress": None, "text": f"No usable window yet. {_NOT_EVALUATED}"}
     text = f"{progress.windows} of {progress.target} windows"
     text += f", about {duration_text(left)} left" if left else ""
-    return {"progress": progress, "text": f"{text}. Nothing is judged before the baseline is learned."}
+    return {"progress": progress, "text": f"{text}. {_NOT_EVALUATED}"}
 
 
 def _left_out(status: SiteStatus | None, past: Past | None) -> str:

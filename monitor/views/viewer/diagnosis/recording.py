@@ -12,11 +12,8 @@ from daq.notebook import rounded_text
 from monitor.results.comparison import BalanceResult, DiagnosisAnswer, DiscrepancyResult
 from monitor.results.state_comparison import StateComparison
 from monitor.results.windows import ReferenceResult
-from monitor.text.cause_list import listed_causes
-from monitor.text.causes import placed_text
-from monitor.text.quantities import plain
 from monitor.views.geometry import Geometry
-from monitor.views.palette import ALARM, GREY, REGION, SENSOR, STEEL, TEXT, Colour, signed_heat
+from monitor.views.palette import GREY, SENSOR, STEEL, TEXT, Colour, signed_heat
 from monitor.views.viewer.cards import diagnosis_card
 from monitor.views.viewer.diagnosis.bars import draw_named_bars
 from monitor.views.viewer.diagnosis.evidence import draw_evidence
@@ -30,11 +27,10 @@ from monitor.views.viewer.diagnosis.layout import (
 from monitor.views.viewer.diagnosis.shapes import draw_state_shapes
 from monitor.views.viewer.modes.mac_matrix import draw_mac
 from monitor.views.viewer.primitives import once, recording_file
-from monitor.views.viewer.scene import TUBE, sensors, supports
+from monitor.views.viewer.scene import TUBE, draw_causes, sensors, supports
 from monitor.views.viewer.signals.spectra import Curves, channel_spectra, draw_spectra_panels
 
 _MARKDOWN = "text/markdown"
-_LIFT = 0.12  # of the structure's size, from a place up to its words
 
 
 def write_diagnosis(
@@ -137,7 +133,7 @@ def _structure(
     colours = signed_heat(level) if found.balance else [STEEL]
     members = rr.LineStrips3D(segments, colors=colours, radii=1.4 * TUBE * geometry.size)
     recording.log("/structure/members", members, static=True)
-    _causes(recording, geometry, diagnosis, reference)
+    draw_causes(recording, geometry, diagnosis.causes, reference, static=True)
 
 
 def reading_of(balance: BalanceResult | None, n_nodes: int) -> FloatArray:
@@ -146,34 +142,6 @@ def reading_of(balance: BalanceResult | None, n_nodes: int) -> FloatArray:
         return np.full(n_nodes, np.nan)
     values = balance.added if balance.log_odds > 0 else balance.loss
     return np.array([np.nan if v is None else v for v in values])
-
-
-def _causes(
-    recording: rr.RecordingStream, geometry: Geometry, diagnosis: DiagnosisAnswer, reference: ReferenceResult
-) -> None:
-    """Draw a ball and words at each cause's place, its 95 % region, and a ring about each channel that one names."""
-    above = np.array([0.0, 0.0, _LIFT * geometry.size])
-    listed = listed_causes(diagnosis.causes)
-    placed = [c for c in listed if c.where and c.where.position]
-    places = np.array([c.where.position for c in placed if c.where], float).reshape(-1, 3)
-    placed_channels = [(name, c) for c in listed if c.where for name in c.where.channels if name in reference.sensors]
-    at = np.array([reference.sensors[name][0] for name, _ in placed_channels], float).reshape(-1, 3)
-    balls = rr.Points3D(places, radii=2.2 * TUBE * geometry.size, colors=[ALARM])
-    recording.log("/structure/causes", balls, static=True)
-    rings = rr.Points3D(at, radii=2.0 * TUBE * geometry.size, colors=[REGION])
-    recording.log("/structure/channels", rings, static=True)
-    words = [placed_text(c) for c in placed]
-    words += [f"{plain(c.cause)}: {name}" for name, c in placed_channels]
-    spots = np.concatenate([places, at]) + above
-    labels = rr.Points3D(spots, radii=0.0, colors=[TEXT], labels=words, show_labels=True)
-    recording.log("/structure/causes/names", labels, static=True)
-    leaders = rr.LineStrips3D(
-        [[s - above, s - 0.4 * above] for s in spots], colors=[GREY], radii=rr.Radius.ui_points(0.6)
-    )
-    recording.log("/structure/causes/leaders", leaders, static=True)
-    regions = [stretch for c in placed if c.where for stretch in c.where.region]
-    bars = rr.LineStrips3D([list(r) for r in regions], colors=[REGION], radii=2.0 * TUBE * geometry.size)
-    recording.log("/structure/region", bars, static=True)
 
 
 def _signals(recording: rr.RecordingStream, found: DiscrepancyResult) -> None:

@@ -120,12 +120,12 @@ def _identification(run_results: RunResults, trends: views.TrendViews) -> rrb.Ho
     left: list[tuple[_Part, float]] = [(views.singular_values(), 5.0)] if run_results.spectra else []
     if run_results.reference:
         has_model = run_results.structure is not None
-        modes = (views.card("Baseline and model" if has_model else "Baseline", "/reference/modes"), 5.0)
+        modes = (views.card("Baseline and model" if has_model else "Baseline", "/reference/modes"), 5.6)
         model = [(views.card("Calibration", "/reference/model"), 4.4)] if has_model else []
         shaped = run_results.reference.has_shapes
-        auto_mac = [(views.mac("Auto-MAC of the baseline", "/auto_mac"), 3.6)] if shaped else []
+        auto_mac = [(views.mac("Auto-MAC", "/auto_mac"), 3.4)] if shaped else []
         left.append((_beside("Reference", modes, *model, *auto_mac), 4.0))
-    return _beside("Identification", (_stack(*left), 5.0), (_over_time(run_results, trends), 4.0))
+    return _beside("Identification", (_stack(*left), 5.6), (_over_time(run_results, trends), 3.4))
 
 
 def _over_time(run_results: RunResults, trends: views.TrendViews) -> rrb.Container:
@@ -134,14 +134,12 @@ def _over_time(run_results: RunResults, trends: views.TrendViews) -> rrb.Contain
     if not numbers:
         return rrb.Vertical(trends.series("Frequencies found while learning [Hz]", "/trend/found"))
     frequency = [
-        trends.small(f"Mode {n} [Hz], ± 2σ", f"/trend/frequency/mode_{n}", frequency_span(run_results, n))
-        for n in numbers
+        trends.small(f"Mode {n} [Hz]", f"/trend/frequency/mode_{n}", frequency_span(run_results, n)) for n in numbers
     ]
-    damping = [
-        trends.small(f"Mode {n}, damping [%], ± 2σ", f"/trend/damping/mode_{n}", damping_span(run_results, n))
-        for n in numbers
-    ]
-    return rrb.Tabs(_grid(frequency, name="Natural frequencies"), _grid(damping, name="Damping"), active_tab=0)
+    damping = [trends.small(f"Mode {n} [%]", f"/trend/damping/mode_{n}", damping_span(run_results, n)) for n in numbers]
+    return rrb.Tabs(
+        _grid(frequency, name="Natural frequencies, ± 2σ"), _grid(damping, name="Damping, ± 2σ"), active_tab=0
+    )
 
 
 def _has_increments(run_results: RunResults) -> bool:
@@ -190,16 +188,20 @@ def _channels(run_results: RunResults, trends: views.TrendViews, *, drawn_once: 
     """
     right: list[tuple[_Part, float]] = []
     if drawn_once and run_results.spectra:
-        right.append((views.spectrogram(), 3.0))
+        right.append((views.spectrogram(), 3.6))
     if names := channels_with_rms(run_results):
         right.append((trends.series("RMS of each channel [m/s²]", "/channels/rms"), 2.0))
         colours, rows = views.legend("Colours of the channels", "/channels/legend", len(names))
-        right.append((colours, 0.3 + 0.35 * rows))
+        right.append((colours, 0.35 + 0.6 * rows))
     if run_results.temperatures:
         right.append((trends.series("Temperature [°C]", "/channels/temperature"), 1.6))
+        colours, rows = views.legend(
+            "Colours of the thermometers", "/channels/thermometers", len(run_results.temperatures)
+        )
+        right.append((colours, 0.35 + 0.6 * rows))
     parts: list[tuple[_Part, float]] = []
     if drawn_once and run_results.signals:
-        right.insert(0, (views.card("Last seconds", "/channels/table"), 4.4))
+        right.insert(0, (views.card("Last seconds", "/channels/table"), 5.2))
         parts.append((views.channel_spectra(len(run_results.signals.channels)), 1.2))
     parts += [(_stack(*right), 1.0)] if right else []
     return _beside("Channels", *parts) if parts else None

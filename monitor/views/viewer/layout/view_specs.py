@@ -100,9 +100,7 @@ def increments(reference: ReferenceResult) -> list[rrb.Spatial3DView]:
     side, points = geometry.side(*scene.SIDE), scene.seen(geometry, [])
     points = np.concatenate([points, geometry.nodes + np.array([0, 0, 1.3 * steps.LABEL * geometry.size])])
     return [
-        scene_view(
-            f"One-step update, {d}; thin and pale: not significant", f"/increments/{d}", geometry, side, points, 0.8
-        )
+        scene_view(f"One-step, {d}; pale: not significant", f"/increments/{d}", geometry, side, points, 0.8)
         for d in steps.DIRECTIONS
     ]
 

@@ -9,7 +9,7 @@ from daq import Recording
 from monitor.results.innovations import ModeInnovations
 from monitor.results.residuals import ChannelResiduals
 from monitor.results.run_results import RunResults
-from monitor.views.palette import ALARM, WARN, mode_colour
+from monitor.views.palette import ALARM, WARN, Colour, mode_colour
 from monitor.views.viewer.primitives import ends, legend, line, rule, times
 
 
@@ -30,7 +30,9 @@ def draw_rms(recording: rr.RecordingStream, run_results: RunResults) -> None:
 
 
 def draw_temperatures(recording: rr.RecordingStream, run_results: RunResults) -> None:
-    """Draw the temperatures of the site and of devices [degC]."""
+    """Draw the temperatures of the site and of devices [degC], and the names in their colours."""
+    if run_results.temperatures:
+        name_thermometers(recording, list(run_results.temperatures))
     for number, (name, (at, values)) in enumerate(run_results.temperatures.items()):
         draw_temperature(recording, name, number, at, values)
 
@@ -39,9 +41,18 @@ def draw_temperature(
     recording: rr.RecordingStream, name: str, number: int, at: Sequence[int], values: Sequence[float]
 ) -> None:
     """Draw temperatures [degC] over their times [ns UTC]; the number of the thermometer gives the colour."""
-    colour = mode_colour(number) if number else WARN
     path = rr.new_entity_path(["channels", "temperature", name])
-    line(recording, path, name, colour, times(at), values)
+    line(recording, path, name, _thermometer_colour(number), times(at), values)
+
+
+def name_thermometers(recording: rr.RecordingStream, names: Sequence[str], *, static: bool = True) -> None:
+    """Write the names of thermometers in their colours."""
+    colours = [_thermometer_colour(number) for number in range(len(names))]
+    legend(recording, "/channels/thermometers", names, colours, static=static)
+
+
+def _thermometer_colour(number: int) -> Colour:
+    return mode_colour(number) if number else WARN
 
 
 def draw_residuals(recording: rr.RecordingStream, residuals: ChannelResiduals) -> None:

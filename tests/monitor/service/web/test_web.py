@@ -220,7 +220,7 @@ def test_page_shows_the_progress_of_learning(source: Source) -> None:
     assert '<progress value="6" max="8">' in found
     assert re.search(r"6 of 8 windows, about (20|19) min", found)  # two steps of 600 s
     assert "6 of 8 windows" in page(modes=[], problem="no resonance")
-    assert "8 of 8 windows. Nothing is judged" in page(index=8, learning={"windows": 8, "target": 8})
+    assert "8 of 8 windows. No window is evaluated" in page(index=8, learning={"windows": 8, "target": 8})
     assert "<progress" not in page(phase="watching", learning=None)
 
 

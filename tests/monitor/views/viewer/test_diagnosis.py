@@ -78,7 +78,7 @@ def test_signals_equal_those_of_the_result(rrd: Rrd) -> None:
 
 
 def test_causes_are_drawn_at_their_positions(rrd: Rrd) -> None:
-    (place,) = rrd.static("/structure/causes", "Points3D:positions")
+    (place,) = rrd.static("/structure/causes/places", "Points3D:positions")
     np.testing.assert_allclose(place, (0.25, 0.0, 1.48), atol=1e-6)
     names = rrd.static("/structure/causes/names", "Points3D:labels")
     assert names == ["302 ± 5 g added", "sensor gain: col_037_x"]
