@@ -231,7 +231,7 @@ class IdentificationStream:
                 level.add(data)
 
     def drop(self, n_blocks: int = 1) -> None:
-        """Forget the oldest blocks."""
+        """Remove the oldest blocks."""
         self._start += round(sum(block.length for block in self._blocks[:n_blocks]) / self._rate * 1e9)
         del self._blocks[:n_blocks]
         for level in self._levels:
@@ -320,7 +320,7 @@ def least_frequency(duration: float, method: Method | None = None) -> float:
 
 
 def shortest_duration(rate: float, method: Method | None = None) -> float:
-    """Return the length below which a recording at a rate [Hz] has no band of its own [s]."""
+    """Return the length below which a recording at a rate [Hz] has no band for identification [s]."""
     method = method or DataSSI()
     return method.min_cycles * method.decimation / PASS / rate
 

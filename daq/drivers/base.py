@@ -122,7 +122,7 @@ class LogAddress:
 
     path: Path  #: log, or folder with the files of one run
     device: str  #: its name in the log
-    speed: float = 1.0  #: seconds of data a second of wall time
+    speed: float = 1.0  #: seconds of data per second of wall time
 
     def __str__(self) -> str:
         return f"{self.path} device {self.device}"

@@ -42,7 +42,7 @@ def parse_origin(text: str, path: Path) -> Origin:
     Raises
     ------
     DataError
-        If it is none.
+        If it is not an origin.
     """
     try:
         content = parse_json(text)

@@ -37,7 +37,7 @@ def parse_channel_map(text: str, path: Path) -> ChannelMap:
     Raises
     ------
     LogError
-        If it is none.
+        If it is not a channel map.
     """
     try:
         content = parse_json(text)

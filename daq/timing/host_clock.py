@@ -17,7 +17,7 @@ class HostClock(Protocol):
 
     @property
     def speed(self) -> float:
-        """Seconds of data a second of wall time."""
+        """Seconds of data per second of wall time."""
 
     def now(self, age: int = 0) -> int:
         """Return the time [ns UTC].
@@ -87,7 +87,7 @@ class SharedTime:
         self._count[0] = count + 1  # last: a reader does not find half a step
 
     def hold(self, seconds: float, at: int = 0) -> None:
-        """Ask the writer to make no step for some seconds of wall time, from a time [ns UTC] on; 0 s: to go on."""
+        """Request that the writer makes no step for some seconds of wall time from `at` [ns UTC] on; 0 s: none."""
         self._held[:] = time.monotonic_ns() + round(1e9 * seconds) if seconds else 0, at
 
     @property
@@ -111,7 +111,7 @@ class SharedTime:
 class ScaledClock:
     """A clock faster than the wall clock, by one scale shared by emulator and monitor."""
 
-    speed: float  #: seconds of data a second of wall time
+    speed: float  #: seconds of data per second of wall time
     origin_wall: int  #: wall time [ns UTC] at which ...
     origin: int  #: ... this clock showed this time [ns UTC]
     shared: str | None = None  #: file of a `SharedTime` that this clock does not pass: that of an emulated world

@@ -103,7 +103,7 @@ def explain(
     structure : as in its file
     before, now : the reference logs, if there are any, and those to explain; of the reference logs, the windows of
         the state that most of them show are used
-    heldout : logs that the fit must not see, to measure the gain on
+    heldout : logs that the fit does not use, to measure the gain on
     on_cause : as for `updater.diagnose`
     only, without : causes to which the search is limited, and that are left out; without `model_parameters` the file's
         own parameters are taken as they are

@@ -143,7 +143,7 @@ def instant(text: str) -> int:
     Raises
     ------
     ValueError
-        If it is none, or before 1970.
+        If it is not a time, or before 1970.
     """
     try:
         time = datetime.fromisoformat(text)

@@ -35,7 +35,7 @@ def run_rig(
     Parameters
     ----------
     path : SCENARIO.toml
-    speed : seconds of data a second of wall time
+    speed : seconds of data per second of wall time
     ports : file that gets, once devices can be opened, {"clock": .., "ports": {device: path of a serial port, or
         CanAddress's fields}}; the clock is ScaledClock's fields, by which rig and monitor share one time scale, and
         wait together where one of them is held up

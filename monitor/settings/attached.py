@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def parse_attached(text: str, path: Path | str = "SITE.toml") -> Settings:
     """Read settings for an analysis: targets of notices and states, and the history, are neither read nor checked.
 
-    Settings attached to a log are whatever a stranger wrote; templates in them are programs.
+    Settings attached to a log are not trusted: anyone may have written them, and templates in them are programs.
 
     Raises
     ------

@@ -163,7 +163,7 @@ def listening_address(host: str) -> str:
     Raises
     ------
     ValueError
-        If it is none.
+        If it is not such an address.
     """
     try:
         ip_address(host)

@@ -26,7 +26,7 @@ class LevelIdentifier(Protocol):
         """Add a block, (n_samples, n_channels), zero-mean, NaN where a sample is missing."""
 
     def drop(self, n_blocks: int) -> None:
-        """Forget the oldest blocks."""
+        """Remove the oldest blocks."""
 
     def identify(self) -> LevelModes | None:
         """Return the modes in the blocks held; None if gaps leave too little to be worth a look."""
@@ -71,5 +71,5 @@ class CorrelationLevel:
         self._correlations.add(data)
 
     def drop(self, n_blocks: int) -> None:
-        """Forget the oldest blocks."""
+        """Remove the oldest blocks."""
         self._correlations.drop(n_blocks)

@@ -165,7 +165,7 @@ class SpectralLevel:
             self._waiting = None
 
     def drop(self, n_blocks: int) -> None:
-        """Forget the oldest blocks."""
+        """Remove the oldest blocks."""
         if self._waiting is None:
             self._spectra.drop(n_blocks)
         else:

@@ -72,9 +72,9 @@ def candidates(
         Of the samples that entered [s].
     selection : Selection
     poles_a_mode : int
-        Fewest poles for each mode of a model whose poles tell what a mode is [-].
+        Fewest poles per mode of a model whose poles are used to select modes [-].
     n_beside : int
-        Modes that the models have besides those sought, below their band [-].
+        Modes of the models below the band, in addition to those that are sought [-].
 
     Returns
     -------
@@ -165,7 +165,7 @@ def physical(modes: Sequence[Mode], selection: Selection) -> list[Mode]:
 
 
 def repeats_of_tones(estimate: ModalEstimate, tone: BoolArray, selection: Selection) -> BoolArray:
-    """Return which modes are tones over again: as sharp as the tone in their band.
+    """Return which modes are duplicates of tones: as sharp as the tone in their band.
 
     A scatter below the uncertainty law alone does not indicate a tone: under gusts and impacts modes scatter less than
     that.

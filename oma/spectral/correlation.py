@@ -50,7 +50,7 @@ class CorrelationAccumulator:
     """Correlation sums of a stream: blocks of any length are added at one end and dropped at the other.
 
     Memory does not grow with the length of a block. Where one channel is missing all are left out. Sums over different
-    times for different pairs would use more of the data, but they see different amplitudes: a few per cent of scatter
+    times for different pairs would use more of the data, but their amplitudes differ: a few per cent of scatter
     between the pairs, which no longer is the correlation of any linear system, hid weak modes (measured).
 
     Parameters
@@ -91,7 +91,7 @@ class CorrelationAccumulator:
         self._known_before = there[len(data) :].copy()
 
     def drop(self, n_blocks: int = 1) -> None:
-        """Forget the oldest blocks."""
+        """Remove the oldest blocks."""
         for _ in range(n_blocks):
             self.blocks.popleft()
 

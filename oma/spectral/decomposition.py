@@ -78,7 +78,7 @@ class Decomposition:
         return first, np.array(moves)
 
     def filtered(self, vector: ComplexArray, lines: slice) -> FloatArray:
-        """Return the spectrum of the signal that a vector filters out."""
+        """Return the spectrum (n_frequencies,) of the signals combined by the weights of a vector."""
         return np.asarray(np.einsum("i,lij,j->l", vector.conj(), self.matrix[lines], vector).real)
 
 

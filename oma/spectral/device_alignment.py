@@ -41,7 +41,7 @@ def device_delays(recording: Recording) -> dict[str, float]:
     Parameters
     ----------
     recording : Recording
-        Of ambient vibration, a few hundred periods of the lowest modes long; shorter ones tell nothing (zeros).
+        Of ambient vibration, a few hundred periods of the lowest modes long; shorter ones have no result (zeros).
 
     Raises
     ------

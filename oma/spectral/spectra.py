@@ -176,7 +176,7 @@ class SpectrumAccumulator:
         return np.asarray(_autocorrelation(there).sum(axis=0))
 
     def drop(self, n_blocks: int = 1) -> None:
-        """Forget the oldest blocks."""
+        """Remove the oldest blocks."""
         for _ in range(n_blocks):
             self._sums.popleft()
             self._windows.popleft()

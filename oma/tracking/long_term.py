@@ -41,7 +41,7 @@ class FollowedModes:
 
 @dataclass(frozen=True, kw_only=True)
 class LongTermTracker:
-    """Assigns modes of a window to tracks, and lets the tracks follow them."""
+    """Assigns modes of a window to tracks, and updates the tracks."""
 
     common_drift: float = 4e-3  #: standard deviation of all log frequencies together after an hour (temperature) [-]
     own_drift: float = 2e-3  #: standard deviation of each log frequency alone after an hour [-]

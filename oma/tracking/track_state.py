@@ -55,7 +55,7 @@ class Tracks:
         Raises
         ------
         ValueError
-            If it is none.
+            If the text is not such an output.
         """
         try:
             values: dict[str, Any] = parse_json(text)

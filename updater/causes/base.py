@@ -125,17 +125,17 @@ class Discrete:
 
     @property
     def start(self) -> FloatArray:
-        """Nothing has changed."""
+        """Parameters (n_alternatives, n_parameters) from which a fit starts: no change."""
         return np.zeros(self.lower.shape)
 
     @property
     def neutral_start(self) -> FloatArray:
-        """Start as alone, for a cause without a place."""
+        """Parameters from which a fit in addition to other causes starts; without a place the same as `start`."""
         return self.start
 
     @property
     def log_prior(self) -> FloatArray:
-        """All alike."""
+        """Log prior probability (n_alternatives,): all are equally probable [-]."""
         return np.full(len(self.lower), -np.log(len(self.lower)))
 
     def repeats(self, other: Self, row: int) -> BoolArray:

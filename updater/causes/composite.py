@@ -55,17 +55,17 @@ class JointHypothesis(Generic[C]):
 
     @property
     def prior_std(self) -> FloatArray:
-        """Of all."""
+        """Prior standard deviations of the parameters of all causes (n_parameters,)."""
         return np.concatenate([self.free.prior_std, *(c.cause.prior_std for c in self.chosen)])
 
     @property
     def lower(self) -> FloatArray:
-        """Of all."""
+        """Lower bounds of the parameters of all causes (n_alternatives, n_parameters)."""
         return self._beside(self.free.lower, [c.cause.lower[c.row] for c in self.chosen])
 
     @property
     def start(self) -> FloatArray:
-        """Of all: the chosen ones begin where they were."""
+        """Start of the parameters of all causes: the chosen ones start from their present values."""
         return self._beside(
             self.free.neutral_start if self.start_neutral else self.free.start, [c.theta for c in self.chosen]
         )
@@ -75,7 +75,7 @@ class JointHypothesis(Generic[C]):
 
     @property
     def log_prior(self) -> FloatArray:
-        """Of the alternative and of the chosen ones; zero probability of changing again what a chosen one changes."""
+        """Sum of the log priors of the alternative and the chosen ones; -inf if both change the same part."""
         own = np.array(self.free.log_prior)
         for c in self.chosen:
             if (
@@ -88,7 +88,7 @@ class JointHypothesis(Generic[C]):
 
     @property
     def drifting(self) -> bool:
-        """If any is."""
+        """True if one of the causes allows a drift of all frequencies."""
         return self.free.drifting or any(c.cause.drifting for c in self.chosen)
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
@@ -122,7 +122,7 @@ class JointHypothesis(Generic[C]):
         }
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
-        """Return those of all together, each by its own parameters.
+        """Return the sum of the log ratios of all causes, each by its own parameters.
 
         The evidence of the signals is for one place that opens and closes: of several losses the largest counts.
         """

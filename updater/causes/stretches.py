@@ -83,7 +83,7 @@ class Stretches:
 
     @property
     def neutral_start(self) -> FloatArray:
-        """As they are looked at first, with nothing done to them."""
+        """Start of a fit in addition to other causes: the first grid of stretches, without effect."""
         return np.zeros(self.start.shape)
 
     def middles(self, theta: FloatArray, rows: IndexArray) -> FloatArray:

@@ -96,7 +96,7 @@ def diagnose(
     ----------
     reference : of the structure as it was, or of the nominal model
     event : (n_tracks,) mean of the windows to explain
-    heldout : (n_tracks,) mean of windows that the fit must not see, to measure the gain on
+    heldout : (n_tracks,) mean of windows that the fit does not use, to measure the gain on
     every, heldout_every : (n_modes,) all modes of these windows, in any order; if not given those of the tracks
     circumstances : further knowledge of the event
     on_cause : called before each fit with its causes, and how many fits of the same kind are done and planned
@@ -168,7 +168,7 @@ def _diagnosed(
 
     Parameters
     ----------
-    measured, unused : the event, and the modes of windows that the fit must not see
+    measured, unused : the event, and the modes of windows that the fit does not use
     bare : of the structure file, where the reference's model has bodies that it lacks
     """
     event = measured.event

@@ -30,9 +30,9 @@ def match_modes(baseline: ModalMean, event: ModalMean) -> IndexArray:
     shape: the mean of several that mix two modes looks like one of them. A mode without a partner costs as much as the
     worst pair, and two modes with a MAC of 0.95 that are each other's best are paired: of two close modes, one that is
     poorly identified does not take the partner of the other. Two channels that were exchanged, or one that
-    was turned, spoil every MAC; so it is sought with each such fault undone, and one is believed for this purpose
-    only. Pairs with a MAC under 0.5 or frequencies more than 30 % apart (100 % at a MAC of 0.95) are
-    none.
+    was turned, reduce all MAC values: modes are also matched with each such fault undone, and the best match is used,
+    for this purpose only. Pairs with a MAC under 0.5 or frequencies more than 30 % apart (100 % at a MAC of 0.95) are
+    not formed.
 
     Parameters
     ----------

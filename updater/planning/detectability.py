@@ -65,7 +65,7 @@ class DetectabilityStudy:
 
     @property
     def frequency(self) -> FloatArray:
-        """Frequencies (n,) of the modes that the sensors see [Hz]."""
+        """Frequencies (n,) of the modes that the sensors measure [Hz]."""
         return self.reference.frequency[self.reference.paired]
 
     @cached_property

@@ -42,7 +42,7 @@ class Record:
 
     @property
     def false_alarm_probability(self) -> float:
-        """Chance a record that keeps to the stated rate, if records follow each other without a pause."""
+        """Probability of a false alarm per record [-] at the stated rate, if records follow each other without a pause."""
         return min(0.5, self.false_alarms_per_year * self.seconds / _YEAR)
 
     def log_frequency_std(self, frequency: FloatArray) -> FloatArray:

@@ -74,7 +74,7 @@ class Parameter:
 
     @property
     def whole_std(self) -> float:
-        """Standard deviation by both."""
+        """Standard deviation by noise, errors of a model and errors of the file together."""
         return float(np.hypot(self.std, self.of_file_std))
 
 

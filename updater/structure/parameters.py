@@ -124,7 +124,7 @@ class ModelParameter:
 
     @property
     def start(self) -> float:
-        """Start of a fit."""
+        """Value from which a fit starts."""
         return self.mean if self.mean or np.isinf(self.lower) else min(_START * self.prior, self.upper / 2)
 
 

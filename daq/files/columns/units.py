@@ -113,7 +113,7 @@ def parse_sensitivity(text: str) -> Sensitivity:
     Raises
     ------
     ValueError
-        If it is none.
+        If it is not a sensitivity.
     """
     found = _SENSITIVITY.fullmatch(text)
     output = parse_unit(found["output"]) if found else None

@@ -31,7 +31,7 @@ def read_mat(path: Path) -> dict[str, Any]:
     DataError
         If it is of Matlab 7.3 and h5py is not installed, or damaged.
     ValueError
-        If it is none, or damaged; scipy raises others too.
+        If it is not a Matlab file, or damaged; scipy raises others too.
     """
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError, matfile_version

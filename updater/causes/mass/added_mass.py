@@ -87,12 +87,12 @@ class AddedMass:
 
     @property
     def neutral_start(self) -> FloatArray:
-        """No mass, close to the axis."""
+        """Start of a fit in addition to other causes: no mass, close to the axis of the member."""
         return self.start * [0.0, 1.0, 1.0, 1.0]
 
     @property
     def lower(self) -> FloatArray:
-        """Only so much can be taken off."""
+        """Lower bounds (n_alternatives, n_parameters): no more mass is removed than there is."""
         return np.tile([-LARGEST_REMOVED * self._total, -np.inf, -np.inf, 0.0], (len(self.position), 1))
 
     @property
@@ -103,7 +103,7 @@ class AddedMass:
 
     @property
     def log_prior(self) -> FloatArray:
-        """Every metre of the structure alike."""
+        """Log prior probability (n_alternatives,): uniform along all members [-]."""
         length = sum(member.length for member in self.reference.structure.member)
         return np.asarray(np.log(self.weight / max(self.weight.sum(), length)))
 

@@ -53,7 +53,7 @@ class Bodies:
 
     @property
     def lower(self) -> FloatArray:
-        """Not before a member's start, not more removed than can be."""
+        """Lower bounds: the start of a member, and no more mass removed than there is."""
         least = np.full((*self.member.shape, PER_BODY), -np.inf)
         least[..., 0] = -self.place
         least[..., 1] = -LARGEST_REMOVED * self.grid.reference.model.total_mass()

@@ -67,7 +67,7 @@ class SensorPosition(Chain):
 
     @property
     def neutral_start(self) -> FloatArray:
-        """The stated place."""
+        """Start of a fit in addition to other causes: the stated place."""
         return np.zeros(self.lower.shape)
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:

@@ -65,7 +65,7 @@ class Springs(Discrete):
 
     @property
     def start(self) -> FloatArray:
-        """No change, or the first order."""
+        """Start of a fit: no change, or the first-order estimate."""
         return self.begun
 
     def repeats(self, other: Self, row: int) -> BoolArray:

@@ -46,7 +46,7 @@ class GroupStiffness(StiffnessLoss, Discrete):
 
     @property
     def start(self) -> FloatArray:
-        """No change, or the first order."""
+        """Start of a fit: no change, or the first-order estimate."""
         return self.begun
 
     @property

@@ -97,7 +97,7 @@ class LocalStiffness(StiffnessLoss, Spread):
 
     @property
     def lower(self) -> FloatArray:
-        """A stretch gains less than it may lose."""
+        """Lower bounds (n_alternatives, n_parameters): a stretch may gain less stiffness than it may lose."""
         return np.tile([STIFFEST, -np.inf, -np.inf, -SHEAR], (len(self.member), 1))
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:

@@ -65,7 +65,7 @@ def _measured(option: str, text: str, kind: str) -> float:
     Raises
     ------
     ArgumentError
-        If it is none.
+        If it is not.
     """
     units = [unit for unit, (what, _) in _UNITS.items() if what == kind]
     found = re.fullmatch(r"\s*([0-9.]+(?:e-?[0-9]+)?)\s*([a-z]+)\s*", text)

@@ -220,13 +220,13 @@ class BlockPlot:
 
 def residuals(plot: BlockPlot) -> rrb.TimeSeriesView:
     """Return the plot of the last residuals of channels against their prediction from the others."""
-    name = f"Channels predicted from the others: residual [its standard deviation]; red: limit, {plot.limit:g}"
+    name = f"Residual of each channel by the others [σ]; red: limit, {plot.limit:g}"
     return _series(name, "/channels/residuals", following(plot.seconds))
 
 
 def innovations(plot: BlockPlot) -> rrb.TimeSeriesView:
     """Return the plot of the last innovations about the modes."""
-    name = f"Innovations about each mode, signals predicted by the modes [σ]; red: limit, {plot.limit:g}"
+    name = f"Innovations about each mode [σ]; red: limit, {plot.limit:g}"
     return _series(name, "/channels/innovations", following(plot.seconds))
 
 
