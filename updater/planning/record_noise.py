@@ -42,7 +42,7 @@ class Record:
 
     @property
     def false_alarm_probability(self) -> float:
-        """Probability of a false alarm per record [-] at the stated rate, if records follow each other without a pause."""
+        """Probability of a false alarm per record [-] at the stated rate, for records without a pause in between."""
         return min(0.5, self.false_alarms_per_year * self.seconds / _YEAR)
 
     def log_frequency_std(self, frequency: FloatArray) -> FloatArray:

@@ -138,8 +138,8 @@ class ModelParameters(Discrete):
     def deviations(self, fit: Fit[Cause]) -> float:
         """Return by how many standard deviations all parameters together differ from the file's.
 
-        The information of the data beyond the priors is one chi-square with as many degrees of freedom as parameters are
-        determined; returned is the deviation of a Gaussian with the same probability.
+        The information of the data beyond the priors is one chi-square with as many degrees of freedom as parameters
+        are determined; returned is the deviation of a Gaussian with the same probability.
         """
         theta, covariance = fit.theta[0], fit.covariance[0]
         information = np.linalg.inv(covariance) - np.diag(self.prior_std**-2.0)
