@@ -430,7 +430,8 @@ def change_text(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "nothing_to_explain":
         return "too small for a cause to be named"
     if not diagnosis.causes:
-        return "no known cause explains it"
+        poor_model = diagnosis.calibration is not None and not diagnosis.calibration.fits_reference
+        return "the model does not fit the reference logs" if poor_model else "no known cause explains it"
     return "; ".join(map(brief_text, listed_causes(diagnosis.causes)))
 
 

@@ -21,6 +21,7 @@ from updater.diagnosis import FittedCause, ModeFit
 
 _MIN = 1e-6  # of 1 - MAC that is drawn
 _SHOWN = 20.0  # log evidence at which bars are cut off: ratio of 5e8 to 1
+_SHORT = 3.0  # log evidence of a bar that is too short for its value
 _WHOLE = 100.0  # log evidence from which on it is written without decimals
 
 
@@ -35,18 +36,20 @@ def fits_figure(diagnosis: Diagnosis) -> Figure | None:
     left.axhline(0.0, color=SOFT, linewidth=0.8)
     left.errorbar(number, np.zeros(len(number)), 2 * np.array(std), fmt="none", ecolor=SOFT, capsize=4)
     _pairs(left, number, [_off(m, m.frequency.before) for m in diagnosis.modes], "without", ALARM)
-    _pairs(left, number, [_off(m, m.frequency.after) for m in diagnosis.modes], "with the causes", OK)
+    if diagnosis.causes:
+        _pairs(left, number, [_off(m, m.frequency.after) for m in diagnosis.modes], "with the causes", OK)
+        _pairs(right, number, [_far(m.mac.after) for m in diagnosis.modes], "with the causes", OK)
     left.set_title("Frequency error of the model")
     right.set_title("Shape error of the model")
     left.set_ylabel("model off by [%]")
     _pairs(right, number, [_far(m.mac.before) for m in diagnosis.modes], "without", ALARM)
-    _pairs(right, number, [_far(m.mac.after) for m in diagnosis.modes], "with the causes", OK)
     right.set_yscale("log")
     right.set_ylabel("1 - MAC")
     for axes in (left, right):
         axes.set_xticks(number, [f"{n:g}" for n in number])
         axes.set_xlabel("mode")
-    figure.legend(*left.get_legend_handles_labels(), fontsize=7, loc="outside lower center", ncols=2)
+    if diagnosis.causes:
+        figure.legend(*left.get_legend_handles_labels(), fontsize=7, loc="outside lower center", ncols=2)
     return figure
 
 
@@ -128,15 +131,11 @@ def evidence_figure(diagnosis: DiagnosisAnswer) -> Figure | None:
             axes.plot(shown, y, marker="<" if v < 0 else ">", markersize=5, color=colour, clip_on=False)
         value = f"{v:+,.1f}".replace(",", "\u202f") if abs(v) < _WHOLE else f"{v:+,.0f}".replace(",", "\u202f")
         if v:
+            outside = -_SHORT < shown < 0  # its name is at the other end of the bar
             axes.annotate(
-                value,
-                (max(shown, -_SHOWN), y),
-                (6, 0),
-                textcoords="offset points",
-                va="center",
-                fontsize=6.5,
-                color=INK,
-            )
+                value, (shown, y), (-4 if outside else 6, 0), textcoords="offset points", va="center", fontsize=6.5,
+                ha="right" if outside else "left", color=INK,
+            )  # fmt: skip
         axes.annotate(
             name, (right, y), (6, 0), textcoords="offset points", va="center", fontsize=7.5, annotation_clip=False,
             color=OK if y < n_open and accepted else INK,

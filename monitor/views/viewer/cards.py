@@ -74,7 +74,7 @@ def window_card(window: WindowResult, run_results: RunResults, answered: WindowR
         parts.append(f"**No modes in this window**: {window.problem}.")
     if window.novelty:
         parts.append(f"Novelty **{window.novelty.t2:.1f}**, limit {window.novelty.limit:.1f}.")
-    if window.modes or window.phase != "learning":
+    if window.modes or (window.phase != "learning" and not window.problem):
         parts.append(_table(window, run_results))
     parts.append(f"*Window {window.index + 1}: {clock(window.start)} to {clock(window.end)} UTC*")
     return "\n\n".join(parts)
