@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup, escape
 from pydantic import ValidationError
 
 from daq.errors import writing
@@ -114,6 +115,7 @@ def _diagnosis_values(
     }
 
 
+_CODE = re.compile("`([^`]*)`")
 _UNIT = re.compile(r"(?<=[\d)]) (?=(?:%|degrees\b|[µnmkMG]?(?:m|g|N|Hz|s|rad|Pa)\b))|(?<=N) (?=m\b)")
 
 
@@ -179,6 +181,7 @@ def _rendered(template: str, values: dict[str, Any]) -> str:
     return environment.get_template(template).render(values)
 
 
-def _tied(text: str) -> str:
-    """Return a text with deviations and units that stay on one line."""
-    return _UNIT.sub("\u00a0", text.replace(" ± ", "\u00a0±\u00a0").replace(" per kN", "\u00a0per\u00a0kN"))
+def _tied(text: str) -> Markup:
+    """Return a text with deviations and units that stay on one line, and what is in backticks as code."""
+    tied = _UNIT.sub("\u00a0", text.replace(" ± ", "\u00a0±\u00a0").replace(" per kN", "\u00a0per\u00a0kN"))
+    return Markup(_CODE.sub(r"<code>\1</code>", str(escape(tied))))

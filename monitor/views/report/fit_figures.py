@@ -4,6 +4,8 @@ Evidence and possible places of each cause; errors of the model before and after
 causes.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -18,6 +20,7 @@ from monitor.views.report.structure_figure import Frame
 from monitor.views.report.svg import ALARM, INK, OK, SOFT, WIDTH, new_figure, styled
 from updater import Cause, Diagnosis
 from updater.diagnosis import FittedCause, ModeFit
+from updater.quantities import Vector
 
 _MIN = 1e-6  # of 1 - MAC that is drawn
 _SHOWN = 20.0  # log evidence at which bars are cut off: ratio of 5e8 to 1
@@ -72,14 +75,15 @@ def _far(mac: float | None) -> float:
 
 
 def causes_figure(reference: ReferenceResult, causes: tuple[Cause, ...]) -> Figure | None:
-    """Return the structure with every cause that has a place; None if none has."""
+    """Return the structure with every cause that has a place or a channel with a sensor; None if none has."""
     placed = [c for c in causes if c.where and c.where.position]
-    if not placed:
+    at_sensors = _at_sensors(reference, causes)
+    if not placed and not at_sensors:
         return None
     figure = new_figure(4.6, 4.2)
     axes, frame = figure.subplots(), Frame(reference)
     axes.set_title("Places of the causes")
-    frame.draw(axes, names=True)
+    frame.draw(axes, names=not at_sensors)
     places = [
         (
             one.where.position,
@@ -91,8 +95,21 @@ def causes_figure(reference: ReferenceResult, causes: tuple[Cause, ...]) -> Figu
         if one.where and one.where.position
     ]
     frame.draw_places(axes, places)
+    frame.draw_places(axes, at_sensors, above=True)
     figure.legend(loc="outside lower center", ncols=3, fontsize=7)
     return figure
+
+
+def _at_sensors(reference: ReferenceResult, causes: Sequence[Cause]) -> list[tuple[Vector, list[Interval], str]]:
+    """Return the places of the channels that causes name, each with the cause and all its channels there."""
+    found = []
+    for cause in causes:
+        channels: dict[Vector, list[str]] = {}
+        for name in cause.where.channels if cause.where else ():
+            if name in reference.sensors:
+                channels.setdefault(reference.sensors[name][0], []).append(name)
+        found += [(at, list[Interval](), f"{plain(cause.cause)}\n{', '.join(names)}") for at, names in channels.items()]
+    return found
 
 
 def _label(cause: Cause) -> str:

@@ -113,8 +113,15 @@ class Frame:
             bar.ax.invert_yaxis()
             bar.outline.set_visible(False)
 
-    def draw_places(self, axes: Axes, places: Sequence[tuple[Vector, list[Interval], str]]) -> None:
-        """Draw places, each with its 95 % region and its name; the names of places that coincide are one label."""
+    def draw_places(
+        self, axes: Axes, places: Sequence[tuple[Vector, list[Interval], str]], *, above: bool = False
+    ) -> None:
+        """Draw places, each with its 95 % region and its name; the names of places that coincide are one label.
+
+        Parameters
+        ----------
+        above : whether the labels are above their places
+        """
         self._region(axes, [stretch for _, region, _ in places for stretch in region])
         labels: list[tuple[FloatArray, list[str]]] = []
         for position, _, name in places:
@@ -129,8 +136,9 @@ class Frame:
         for (x, y), names in labels:
             left = x > middle[0]
             axes.annotate(
-                "\n".join(filter(None, names)), (x, y), (-9 if left else 9, -4), textcoords="offset points", fontsize=8,
-                zorder=7, ha="right" if left else "left", va="top", bbox=_PAPER,
+                "\n".join(filter(None, names)), (x, y), (-9 if left else 9, 7 if above else -4),
+                textcoords="offset points", fontsize=8, zorder=7, ha="right" if left else "left",
+                va="bottom" if above else "top", bbox=_PAPER,
             )  # fmt: skip
 
     def _region(self, axes: Axes, region: list[Interval]) -> None:

@@ -360,6 +360,15 @@ def test_diagnosis_without_a_run_has_a_page(tmp_path: Path) -> None:
     diagnosis_report(nothing, tmp_path / "page.html", title="T")
     found = headline(Page(tmp_path / "page.html"))
     assert found == "Unexplained: no known cause explains the difference between data and model."
+    assert "MAC" not in Page(tmp_path / "page.html").words
+    modes, advice = answers.diagnosis().modes, "Compare by `identify --structure`."
+    diagnosis_report(
+        nothing.model_copy(update={"modes": modes, "next_measurement": advice}), tmp_path / "page.html", title="T"
+    )
+    page = Page(tmp_path / "page.html")
+    assert "Measured modes, and modes of the model mode" in " ".join(page.words.split())
+    assert not any(text in page.words for text in ("MAC with", "(green)"))
+    assert "<code>identify --structure</code>" in page.text.replace(NO_BREAK, " ")
 
 
 def test_diagnosis_is_read_back_and_an_invalid_file_is_named(tmp_path: Path) -> None:

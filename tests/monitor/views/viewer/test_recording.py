@@ -221,6 +221,23 @@ def test_mass_is_drawn_with_position_and_value_of_the_answer(rrd: Rrd) -> None:
     assert place == f"at crossbeam x {answer.position[0]:.3f} ± {answer.position_std:.3f} m"
 
 
+def test_places_of_causes_are_drawn_until_the_alarm_ends(tmp_path: Path) -> None:
+    """Of windows without a located mass, such as those of a crack."""
+    windows = [w.model_copy(update={"answer": None}) for w in answers.with_findings(SITE, RUN)["windows"]]
+    start, end = ENDS[-1], ENDS[-1] + made.WINDOW
+    later = {"index": len(WINDOWS), "start": start, "end": end, "phase": "watching", "diagnosis": None}
+    rrd = written(tmp_path, shortened(windows=[*windows, windows[-1].model_copy(update=later)]))
+    explained = [w for w in windows if w.diagnosis]
+    assert explained
+    times, places = rrd.rows("/structure/causes/places", "Points3D:positions")
+    assert times.tolist() == [w.end for w in explained]
+    for found, window in zip(places, explained, strict=True):
+        own = [c.where.position for c in window.diagnosis.causes if c.where and c.where.position]
+        np.testing.assert_allclose(found, own, atol=1e-6)  # single precision
+    cleared, recursive = rrd.rows("/structure/causes", "Clear:is_recursive")
+    assert (cleared[-1], recursive[-1]) == (end, [True])
+
+
 def test_sphere_radius_is_proportional_to_the_cube_root_of_the_mass() -> None:
     assert scene.sphere_radius(0.8) == pytest.approx(2 * scene.sphere_radius(0.1), rel=1e-12)
     assert scene.sphere_radius(-0.1) == scene.sphere_radius(0.1)
