@@ -107,8 +107,9 @@ def body_table(sight: ModeVisibility, outlook: DetectabilityStudy) -> Table:
     for m, member in ((int(m), members[m]) for m in shown):
         here = np.flatnonzero(outlook.member == m)
         least = here[np.argmin(sight.weakest[here])]
+        unseen = stretches_text(blind(outlook, sight.weakest.tolist(), m)) or "none"
         if not np.isfinite(sight.weakest[least]):  # held at both ends: no mode moves it
-            table.add_row(escape(member.name), *["none", "-", "none", "none", "all of it"])
+            table.add_row(escape(member.name), "none", "-", "none", "none", unseen)
             continue
         table.add_row(
             escape(member.name),
@@ -116,7 +117,7 @@ def body_table(sight: ModeVisibility, outlook: DetectabilityStudy) -> Table:
             f"{outlook.places.position[least]:.2f}",
             mass_words(median[m]) if np.isfinite(median[m]) else "none",
             _millimetres(1000 * float(np.median(place[here]))),
-            stretches_text(blind(outlook, sight.weakest.tolist(), m)) or "none",
+            unseen,
         )
     return table
 

@@ -299,7 +299,7 @@ fixed = ["x", "y", "z", "rx", "ry", "rz"]
     done = modalwatch("structure", path)
     assert (done.code, done.err) == (0, "")
     (row,) = (line.split() for line in done.out.splitlines() if line.startswith("  plinth"))
-    assert row == ["plinth", "none", "-", "none", "none", "all", "of", "it"]
+    assert row == ["plinth", "none", "-", "none", "none", "0.00", "to", "0.05"]
 
 
 def test_parameters_are_listed_with_their_sensitivities(tmp_path: Path, modalwatch: Commands) -> None:
