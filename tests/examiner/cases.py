@@ -30,6 +30,7 @@ CAUSES: dict[str, Do] = {
         draws.joint_stiffness,
         draws.support_spring,
         draws.axial_force,
+        draws.member_temperature,
         draws.attached_oscillator,
         draws.global_stiffness,
         draws.global_density,
@@ -79,8 +80,9 @@ BUILT, FAR = (
     for how in ("built", "far")
 )
 SOLIDS = tuple(f"solid: {name}" for name in SOLID)
+_ON_THE_T_FRAME = {"joint_stiffness", "axial_force", "member_temperature", "amplitude_softening"}
 _ANYWHERE = (
-    *(name for name in CAUSES if name not in {"joint_stiffness", "axial_force", "amplitude_softening"}),
+    *(name for name in CAUSES if name not in _ON_THE_T_FRAME),
     *(ONE_SIDED, "nothing", "small", "added_mass + sensor_gain", "local_stiffness + added_mass"),
     *(name for name in OUTSIDE if name not in {"braced", "sliding"}),
 )
@@ -92,7 +94,8 @@ ELSEWHERE = (
         if f"{design}: {name}" != "grid: support_stiffness"
     ),
     "portal: joint_stiffness",
-)  #: the grid's supports are rigid
+    *(f"{design}: member_temperature" for design in ("portal", "mast")),
+)  #: the grid's supports are rigid, and its members hardly differ by their temperature; the bridge has one member
 CELLS = (*CAUSES, ONE_SIDED, *OF_DEVICES, "nothing", "small", *PAIRS, *TRIPLES, *OUTSIDE, *SOLIDS, *FILES)
 N_BEFORE, N_AFTER = 8, 5  # windows
 _COMMON = (

@@ -198,6 +198,19 @@ def axial_force(state: State, random: Random) -> Done:
     return Done(state, state.of_frame(frame), (_at("axial_force", (0.0, 0.0, 0.74), reach=0.74, force=force),))
 
 
+def member_temperature(state: State, random: Random) -> Done:
+    """Warm or cool one bar by 8 to 25 K: it is softer, and pushes where the others hold it."""
+    bar = state.frame.bars[int(random.integers(len(state.frame.bars)))]
+    warmer = sign(random) * random.uniform(8.0, 25.0)
+    left = 1 - warmer * (3.5e-4 + 0.4e-4 * random.standard_normal())
+    force = state.frame.heated(bar.name, 1.2e-5 * warmer)
+    frame = state.frame.with_bar(bar.name, modulus=bar.modulus * left, shear_modulus=bar.shear_modulus * left)
+    for other in frame.bars:
+        frame = frame.with_bar(other.name, preload=other.preload + force[other.name])
+    hidden = _at("member_temperature", bar.point(bar.length / 2), reach=bar.length / 2, warmer=warmer)
+    return Done(state, state.of_frame(frame), (hidden,))
+
+
 def attached_oscillator(state: State, random: Random) -> Done:
     """Attach 50 to 300 g on a spring, tuned away from the frame's modes but within the analysed band."""
     bar, s = somewhere(state, random, lowest=0.6)

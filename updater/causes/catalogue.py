@@ -27,6 +27,7 @@ from updater.causes.stiffness.axial_force import propose_axial_force
 from updater.causes.stiffness.connections import propose_joint_stiffness, propose_support_stiffness
 from updater.causes.stiffness.group_stiffness import propose_group_stiffness
 from updater.causes.stiffness.local_stiffness import propose_local_stiffness
+from updater.causes.stiffness.member_temperature import propose_member_temperature
 from updater.causes.stiffness.one_axis_stiffness import propose_one_sided_stiffness
 from updater.inference import Comparison
 from updater.reference import Reference
@@ -101,6 +102,7 @@ _OWN: dict[str, CatalogueEntry] = {
     # offsets of a body are fitted (1 / 15, the prior volume of the offsets)
     "distributed_mass": CatalogueEntry(propose=propose_distributed_mass, rarity=1 / 300, common_form="added_mass"),
     "axial_force": CatalogueEntry(propose=propose_axial_force),
+    "member_temperature": CatalogueEntry(propose=propose_member_temperature),
     "support_spring": CatalogueEntry(propose=propose_support_spring),
     "attached_oscillator": CatalogueEntry(propose=propose_attached_oscillator),
     "mesh_error": CatalogueEntry(propose=propose_mesh_error),

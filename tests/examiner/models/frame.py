@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import eigsh
+from scipy.sparse.linalg import eigsh, spsolve
 
 from daq import FloatArray, IndexArray
 from tests.examiner.models.bar import Bar, Vector, element, shape_functions
@@ -97,6 +97,10 @@ class Frame:
         """Return its lowest modes."""
         return _Assembly(self).solved(n_modes)
 
+    def heated(self, name: str, expansion: float) -> dict[str, float]:
+        """Return the axial force of each bar [N], tension positive, when a bar expands by a share of its length."""
+        return _Assembly(self).heated(self.bar(name), expansion)
+
 
 @dataclass(frozen=True, eq=False)
 class Solved:
@@ -158,11 +162,26 @@ class _Assembly:
         unit = along / np.linalg.norm(along)
         return np.asarray(unit @ (self.rows(one, s) - self.rows(other, t))[:3])
 
-    def solved(self, n_modes: int) -> Solved:
+    def heated(self, bar: Bar, expansion: float) -> dict[str, float]:
+        unit, load = {b.name: np.zeros(self.n) for b in self.frame.bars}, np.zeros(self.n)
+        for b in self.frame.bars:
+            unit[b.name][self.dofs[b.name][[0, -1], b.axis]] = -1, 1
+        load += bar.modulus * bar.area * expansion * unit[bar.name]
+        k, _ = self._matrices()
+        moved = np.zeros(self.n)
+        moved[self.free] = spsolve(k, load[self.free])
+        strain = {b.name: unit[b.name] @ moved / b.length - expansion * (b is bar) for b in self.frame.bars}
+        return {b.name: float(b.modulus * b.area * strain[b.name]) for b in self.frame.bars}
+
+    def _matrices(self) -> tuple[Any, Any]:
+        """Stiffness and mass of the free degrees of freedom."""
         stiffness, mass = (sparse.coo_array((v, (i, j)), (self.n, self.n)).tocsc() for v, i, j in self._beams())
         extra_stiffness, extra_mass = self._attached()
         free = np.ix_(self.free, self.free)
-        k, m = (stiffness + extra_stiffness)[free], (mass + extra_mass)[free]
+        return (stiffness + extra_stiffness)[free], (mass + extra_mass)[free]
+
+    def solved(self, n_modes: int) -> Solved:
+        k, m = self._matrices()
         value, vector = eigsh(k, n_modes, m, sigma=0.0, v0=np.ones(len(self.free)))
         order = np.argsort(value)
         shape = np.zeros((self.n, n_modes))

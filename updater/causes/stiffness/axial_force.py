@@ -30,6 +30,7 @@ _GRAVITY = 9.81  # m/s2
 _MISFIT = 2e-4  # strain of a member before it is restrained: 15 K of steel, 0.2 mm on a metre
 _STATED = 0.3  # error of a preload in the file, relative to it
 _LEAST_USUAL = 1e-3  # least of a usual force over the most
+_STATIONS = 64  # along a member, between whose joints the force of a state is constant
 _UNSTATED = 0.05  # probability of a force of any order that a structure file lacks
 
 
@@ -118,19 +119,50 @@ def usual_forces(model: Model) -> FloatArray:
     unit energy, a strain e along a member of length L causes the force e L sum(N_z^2).
     """
     structure = model.structure
-    states, weight = self_stress(model), _GRAVITY * model.total_mass()
-    found = []
+    weight = _GRAVITY * model.total_mass()
+    preload = np.array([member.preload for member in structure.member])
+    misfit = _MISFIT * np.diagonal(restrained_forces(model))
+    return np.asarray(np.hypot(np.hypot(weight, misfit), _STATED * preload))
+
+
+def restrained_forces(model: Model) -> FloatArray:
+    """Return the mean axial force of each member if a member is shorter by its length (n_members shorter, n_members).
+
+    Forces in tension [N]; of a state of self-stress, the force of a member is its mean along it.
+    """
+    structure, states = model.structure, self_stress(model)
+    axial = []
     for member in structure.member:
         stiffness = structure.material[member.material].youngs_modulus * structure.section[member.section].area
-        axial = states.actions(member, np.array([member.length / 2]))[0, 0]
-        misfit = _MISFIT * member.length * stiffness * float(axial @ axial)
-        found.append(np.hypot(np.hypot(weight, misfit), _STATED * member.preload))
-    return np.array(found)
+        at = (np.arange(_STATIONS) + 0.5) * member.length / _STATIONS
+        axial.append(np.sqrt(stiffness) * states.actions(member, at)[:, 0].mean(0))
+    of_state = np.array(axial)
+    length = np.array([member.length for member in structure.member])
+    return np.asarray(length[:, None] * (of_state @ of_state.T))
 
 
 @lru_cache(maxsize=4)
 def _geometric(reference: Reference) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the buckling force [N], the shares w and the basis of each member."""
+    value, basis = in_buckling_modes(reference, geometric_stiffness(reference))
+    most = value[:, -1]
+    return 1 / most, np.maximum(value, 0.0) / most[:, None], basis
+
+
+def in_buckling_modes(reference: Reference, stiffness: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the stiffness in its own basis (n, n_modes), and this basis Lambda^-1/2 V (n, n_modes, n_modes) [s].
+
+    Parameters
+    ----------
+    stiffness : (n, n_modes, n_modes) relative to that of the modes, see `geometric_stiffness`
+    """
+    value, vectors = np.linalg.eigh(stiffness)
+    return value, (1 / (2 * np.pi * reference.frequency))[:, None] * vectors
+
+
+@lru_cache(maxsize=4)
+def geometric_stiffness(reference: Reference) -> FloatArray:
+    """Return Lambda^-1/2 G Lambda^-1/2 of a unit axial force in each member (n_members, n_modes, n_modes) [1/N]."""
     model, root = reference.model, 1 / (2 * np.pi * reference.frequency)
     stiffness = {member.name: np.zeros((len(root), len(root))) for member in model.structure.member}
     known: dict[int, FloatArray] = {}  # elements of a kind are alike
@@ -142,6 +174,4 @@ def _geometric(reference: Reference) -> tuple[FloatArray, FloatArray, FloatArray
         dofs = np.concatenate([model.dofs[first], model.dofs[last]])
         moved = np.where(dofs[:, None] >= 0, reference.shape[dofs], 0.0) * root
         stiffness[name] += moved.T @ known[id(element)] @ moved
-    value, vectors = np.linalg.eigh(np.array(list(stiffness.values())))
-    most = value[:, -1]
-    return 1 / most, np.maximum(value, 0.0) / most[:, None], root[:, None] * vectors
+    return np.array(list(stiffness.values()))

@@ -160,7 +160,7 @@ def propose_local_stiffness(reference: Reference, comparison: Comparison) -> Loc
     structure = reference.structure
     if not may_be_cut(structure):
         return None
-    cells, compliance = _flexibility(reference)
+    cells, compliance = flexibility(reference)
     kinds = ALL_LENGTHS if reference.calibration.fitted else LENGTHS
     found = LocalStiffness(
         reference=reference,
@@ -187,7 +187,7 @@ def start_of(cause: LocalStiffness) -> tuple[FloatArray, FloatArray]:
 
 
 @lru_cache(maxsize=4)
-def _flexibility(reference: Reference) -> tuple[Cells, FloatArray]:
+def flexibility(reference: Reference) -> tuple[Cells, FloatArray]:
     """Return the compliance of all stretches, summed from each member's start."""
     return compliances(reference, (slice(3, 6), slice(0, 3)))
 
