@@ -113,11 +113,18 @@ def check_places(structure: Entries) -> None:
     _check_bodies(structure)
 
 
+def _masses_of_members(structure: Entries) -> list[float]:
+    """Return the mass of each member, without bodies and segments [kg]; none of lines in external matrices."""
+    return [
+        structure.material[m.material].density * structure.section[m.section].area * m.length
+        for m in structure.member
+        if m.material and m.section
+    ]
+
+
 def _check_bodies(structure: Entries) -> None:
     """Refuse bodies of negative mass that leave the structure none."""
-    own = [
-        structure.material[m.material].density * structure.section[m.section].area * m.length for m in structure.member
-    ]
+    own = _masses_of_members(structure)
     carried = [part.mass for part in structure.segment] + [part.mass for part in structure.oscillator]
     carried += [body.mass for body in structure.body if body.mass > 0]
     most = sum(own) + sum(carried)
@@ -207,10 +214,7 @@ def odd_units(structure: Entries) -> list[str]:
                 f"section {name}: its radius of gyration is {radius:.3g} m, the whole structure {extent:.3g} m long; "
                 "is it in m, m2, m4?"
             )
-    mass = sum(
-        structure.material[m.material].density * structure.section[m.section].area * math.dist(m.start, m.end)
-        for m in structure.member
-    )
+    mass = sum(_masses_of_members(structure))
     if mass > _HEAVIEST:
         notes.append(f"the members weigh {mass:.2g} kg, and the structure is {extent:.3g} m long; are lengths in m?")
     return notes
