@@ -8,6 +8,9 @@ from pydantic import BaseModel, ConfigDict
 from daq import FloatArray
 
 Vector = tuple[float, float, float]
+Opens = Literal["above", "below", "within", "beyond"]  #: side of a moment, or of it on both sides of zero
+#: on one side of a moment; within a moment on both sides of zero, as play; beyond it
+Law = Literal["one_side", "within", "beyond"]
 
 
 ECCENTRIC = 3.0  #: standard deviations from which the offset of a body from its member's axis is reported
@@ -57,6 +60,12 @@ class Where(PlainValue):
     name: str = ""  #: name of the place, such as `foot of the right post`; empty if it has none
 
 
+def check_opening(opens: Opens, moment: float) -> None:
+    """Raise ValueError for a place that opens on both sides of zero alike, but not of a positive moment."""
+    if opens in ("within", "beyond") and not moment > 0:
+        raise ValueError(f"expected a moment > 0 that it opens {opens}, found {moment:g}")
+
+
 class ExchangedSections(PlainValue):
     """Members whose sections fit measured frequencies far better with width and height exchanged."""
 
@@ -77,7 +86,7 @@ class Opening(PlainValue):
     closed: Quantity  #: the same while it is closed [m]
     mean: Quantity  #: mean over time, which the modes show [m]
     moment: Quantity  #: moment at which it opens [N m]
-    opens: Literal["above", "below"]  #: side of that moment on which it is open
+    opens: Opens  #: side of that moment on which it is open
 
 
 class NonlinearGain(PlainValue):
@@ -87,11 +96,12 @@ class NonlinearGain(PlainValue):
 
 
 class Breathing(PlainValue):
-    """Closing of a crack or a connection that is softer under one sign of the moment than under the other."""
+    """Closing of a crack or a connection that is softer under some moments than under others."""
 
     share: Quantity  #: share of the mean added flexibility that is absent while the crack is closed [-]
     open_time: Quantity | None  #: share of the time in which it is open; None if it does not open and close [-]
     p_value: float  #: probability of an equal or larger nonlinear part of a linear structure
+    law: Law | None = None  #: moments under which it is open; None if it does not open and close
     opening: Opening | None = None  #: None if it does not open and close, or not under one moment of a member
     heldout: NonlinearGain | None = None  #: None without held-out signals
 

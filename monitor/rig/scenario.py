@@ -10,6 +10,7 @@ from daq.bounded_text import parse_toml
 from monitor.errors import SettingsError
 from monitor.settings.section import Table
 from updater import Body
+from updater.quantities import Opens, check_opening
 
 Vector = tuple[float, float, float]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -45,13 +46,21 @@ class Truth(Table):
 
 
 class RigCrack(Table):
-    """A crack of a member that opens under a positive moment, and closes under a negative one."""
+    """A crack of a member that opens and closes under its moment; or play, which is open within a moment."""
 
     member: str
-    distance: Annotated[float, Field(gt=0)]  #: from the member's start [m]
+    distance: NotNegative  #: from the member's start [m]
     axis: Literal["y", "z"]  #: local axis that the moment acts about
     flexibility: Annotated[float, Field(gt=0)]  #: rotation per moment while it is open, over 1 / (E I) [m]
     closed: NotNegative = 0.0  #: the same while it is closed [m]
+    moment: float = 0.0  #: moment at which it opens, or closes [N m]
+    #: side of that moment on which it is open; within, as play, or beyond it on both sides of zero
+    opens: Opens = "above"
+
+    @model_validator(mode="after")
+    def _has_moment(self) -> Self:
+        check_opening(self.opens, self.moment)
+        return self
 
 
 class RigEvent(Table):

@@ -17,6 +17,7 @@ from updater.quantities import (
     ECCENTRIC,
     FREQUENCY_STD,
     Breathing,
+    Law,
     NonlinearGain,
     ParameterChange,
     Quantity,
@@ -34,6 +35,11 @@ _FINE_PREFIXES = ((1e-1, 1.0, ""), (1e-4, 1e3, "m"), (1e-7, 1e6, "µ"), (0.0, 1e
 _OPEN = 0.5  # standard deviation of a stiffness over itself: from there on it may be infinite
 _BOUND = 1.645  # standard deviations of a one-sided bound of 95 %
 _BY_MODES = "decided by the signals: by the modes alone, another cause or no change is more probable"
+_LAWS: dict[Law, str] = {
+    "one_side": "it opens and closes",
+    "within": "it has play, which is taken up beyond a moment or force on both sides",
+    "beyond": "it opens or slips beyond a moment or force on both sides",
+}
 _CONSTANT = 0.3  # upper bound of the share of a flexibility that closes, below which it is stated not to
 _LOSSES = ("loss_about_local_y", "loss_about_local_z", "loss_in_twist")  # which "loss", the most of them, only repeats
 _LOSS_NAMES = frozenset({"loss", *_LOSSES})
@@ -314,7 +320,8 @@ def _opening_text(found: Breathing | None) -> str:
     if found.open_time and found.significant:
         open_time = number_text(100 * found.open_time.value, 100 * found.open_time.std)
         absent = f"{share} % of the added flexibility is absent while it is closed"
-        return f"it opens and closes: open {open_time} % of the time; {absent}{_heldout_text(found.heldout)}"
+        law = _LAWS[found.law or "one_side"]
+        return f"{law}: open {open_time} % of the time; {absent}{_heldout_text(found.heldout)}"
     if found.share.value + _BOUND * found.share.std < _CONSTANT:
         return f"it does not open and close: under one sign of the load, the added flexibility is {share} % less"
     return ""

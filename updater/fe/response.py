@@ -1,5 +1,6 @@
 """Response of a model to ambient forces, exact between samples, chunk by chunk for as long as one likes."""
 
+import itertools
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,7 +13,10 @@ from updater.errors import ModelError
 from updater.fe.eigen import Modes
 from updater.fe.model import Model
 from updater.fe.section_forces import section_rigidity, weighted_actions
+from updater.quantities import Opens
 from updater.structure import BreathingCrack, Structure
+
+_PARTS = 16  # of a sample, at one of which a crack opens or closes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +32,8 @@ class Ambient:
 class Crack:
     """A crack of a member that is open on one side of a moment about a local axis, and closed on the other.
 
-    It changes the flexibility of the model, in its modes: F' = Lambda^-1 + c a a^T, with the modes' moments a over
+    Or it is open within, or beyond, a moment on both sides of zero, as play, or a joint that gapes under both signs. It
+    changes the flexibility of the model, in its modes: F' = Lambda^-1 + c a a^T, with the modes' moments a over
     omega^2, and c the difference from what the model contains.
     """
 
@@ -38,8 +43,8 @@ class Crack:
     flexibility: float  #: rotation per moment while it is open, over 1 / (E I) or 1 / (G J) [m]
     closed: float = 0.0  #: the same while it is closed [m]
     mean: float = 0.0  #: the same in the model [m]
-    moment: float = 0.0  #: moment at which it opens [N m]
-    opens: Literal["above", "below"] = "above"  #: side of that moment on which it is open
+    moment: float = 0.0  #: moment at which it opens, or closes [N m]
+    opens: Opens = "above"  #: side of that moment on which it is open
 
     @classmethod
     def of(cls, structure: Structure) -> "Crack | None":
@@ -63,8 +68,14 @@ class Crack:
 
     @property
     def side(self) -> float:
-        """1 if it opens above its moment, -1 if below."""
-        return 1.0 if self.opens == "above" else -1.0
+        """-1 if it opens below its moment, else 1."""
+        return -1.0 if self.opens == "below" else 1.0
+
+    @property
+    def by_sides(self) -> tuple[float, float]:
+        """Flexibility on the near side of its moment, where zero is if it is positive, and on the far side."""
+        both = self.closed, self.flexibility
+        return both[::-1] if self.opens == "within" else both
 
     def actions(self, model: Model, modes: Modes) -> tuple[FloatArray, float]:
         """Return the moments (n_modes,) for unit modal displacements, and that at which it opens, over root E I.
@@ -85,7 +96,7 @@ class AmbientResponse:
     Forces are constant over a sample (zero-order hold), for which the recursion of each mode, z' = exp(lambda dt) z +
     (exp(lambda dt) - 1)/lambda f, is exact. The model may be changed during the motion: displacements and velocities
     continue, accelerations jump, as they do when a body is clamped on. With a crack, the recursion of all modes
-    together is exact as long as the crack is open, or closed; which of both is decided at each sample.
+    together is exact as long as the crack is open, or closed; a sample in which it opens or closes is divided there.
 
     Parameters
     ----------
@@ -146,20 +157,23 @@ class AmbientResponse:
 
 
 class _CrackedModes:
-    """Modes of a structure that a crack couples: their transitions over a sample, open and closed.
+    """Modes of a structure that a crack couples: their transitions over parts of a sample, open and closed.
 
     Its rotation beyond that of the model is d m - e under a moment m, with d its flexibility less that of the model,
-    and e = 0 while it is closed, (flexibility - closed) m0 while it is open. For displacements q the moment is a^T q -
-    g (d m - e), with g = a^T Lambda^-1 a.
+    and e = 0 on the near side of its moment m0, (far - near) m0 on the far side, with the flexibilities there; of two
+    far sides, the other sign on the other. For displacements q the moment is a^T q - g (d m - e), with g = a^T
+    Lambda^-1 a.
     """
 
     def __init__(self, model: Model, modes: Modes, damping: FloatArray, crack: Crack, rate: float) -> None:
         n, omega = len(modes.omega), modes.omega
         self._action, opens = crack.actions(model, modes)
         own = float((self._action / omega) @ (self._action / omega))
-        self._opens = opens * (1 + (crack.closed - crack.mean) * own)  # in a^T q
-        self._steps = []
-        for flexibility, offset in ((crack.closed, 0.0), (crack.flexibility, crack.flexibility - crack.closed)):
+        near, far = crack.by_sides
+        self._opens = opens * (1 + (near - crack.mean) * own)  # in a^T q
+        self._two_sided = crack.opens in ("within", "beyond")
+        self._sides = []
+        for flexibility, offset in ((near, 0.0), (far, far - near)):
             # (Lambda^-1 + c a a^T)^-1 by the matrix inversion lemma, with the actions Lambda a for displacements
             share = (flexibility - crack.mean) / (1 + (flexibility - crack.mean) * own)
             constant = -offset * opens / (1 + (flexibility - crack.mean) * own) * self._action
@@ -167,19 +181,40 @@ class _CrackedModes:
             rates = np.zeros((3 * n, 3 * n))
             rates[:n, n : 2 * n] = np.eye(n)
             rates[n : 2 * n] = np.hstack([-stiffness, -np.diag(2 * damping * omega), np.eye(n)])
-            over = scipy.linalg.expm(rates / rate)
-            self._steps.append((over[: 2 * n, : 2 * n], over[: 2 * n, 2 * n :], rates[n : 2 * n, : 2 * n], constant))
+            part = scipy.linalg.expm(rates / (rate * _PARTS))
+            steps = [over[: 2 * n] for over in itertools.accumulate(_PARTS * [part], np.matmul, initial=np.eye(3 * n))]
+            self._sides.append((steps, rates[n : 2 * n, : 2 * n], constant))
 
     def run(self, state: ComplexArray, pole: ComplexArray, force: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """Return accelerations (n, n_modes) by modal forces (n, n_modes), and the state (n_modes,) afterwards."""
         n = len(pole)
         now = np.concatenate([state.imag / pole.imag, (pole * state).imag / pole.imag])
-        pushed = [(force + constant) @ push.T for _, push, _, constant in self._steps]
+        whole = [(steps[-1][:, : 2 * n], force @ steps[-1][:, 2 * n :].T) for steps, _, _ in self._sides]
+        shift = self._sides[1][0][-1][:, 2 * n :] @ self._sides[1][2]
         acceleration = np.empty_like(force)
+        side, moment = self._side(now)
         for k, own in enumerate(force):
-            open_now = int(self._action @ now[:n] > self._opens)  # the moment is on this side, open or closed
-            now = self._steps[open_now][0] @ now + pushed[open_now][k]
-            open_now = int(self._action @ now[:n] > self._opens)
-            acceleration[k] = self._steps[open_now][2] @ now + own + self._steps[open_now][3]
+            forward, pushed = whole[abs(side)]
+            after = forward @ now + pushed[k]
+            if side:
+                after += side * shift
+            reached, turned = self._side(after)
+            if reached != side:
+                part = round(_PARTS * (self._opens * (side or reached) - moment) / (turned - moment))
+                after = self._stepped(self._stepped(now, own, side, part), own, reached, _PARTS - part)
+                reached, turned = self._side(after)
+            now, side, moment = after, reached, turned
+            _, rates, constant = self._sides[abs(side)]
+            acceleration[k] = rates @ now + own + side * constant
         q, dq = now[:n], now[n:]
         return acceleration, dq - pole.real * q + 1j * pole.imag * q
+
+    def _side(self, state: FloatArray) -> tuple[int, float]:
+        """Return 1 on the far side of its moment, -1 on that of the opposite moment, else 0; and a^T q."""
+        moment = float(self._action @ state[: len(self._action)])
+        return int(moment > self._opens) - int(self._two_sided and moment < -self._opens), moment
+
+    def _stepped(self, state: FloatArray, force: FloatArray, side: int, parts: int) -> FloatArray:
+        """Return the state after parts of a sample on one side."""
+        steps, _, constant = self._sides[abs(side)]
+        return np.asarray(steps[parts] @ np.concatenate([state, force + side * constant]))

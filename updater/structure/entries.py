@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from daq import FloatArray
+from updater.quantities import Opens, check_opening
 from updater.structure.base import ON_MEMBER, Count, Entry, NotNegative, Number, Positive, Vector
 from updater.structure.section_shapes import Section
 from updater.structure.sensors import Correction, Sensor
@@ -235,7 +236,7 @@ class Oscillator(Entry):
 
 
 class BreathingCrack(Entry):
-    """A crack, or a connection that gapes, which opens and closes under the moment of its member.
+    """A crack, a connection that gapes, or play, which opens and closes under the moment of its member.
 
     Members, supports and joints of the file have the mean flexibility: linear analyses use it. A simulation in time
     (`modalwatch rig`) opens and closes the crack.
@@ -248,8 +249,9 @@ class BreathingCrack(Entry):
     flexibility: Positive  #: rotation per moment while it is open, over 1 / (E I) or 1 / (G J) [m]
     closed: NotNegative = 0.0  #: the same while it is closed [m]
     mean: Positive  #: mean over time, which the rest of the file contains [m]
-    moment: Number = 0.0  #: moment at which it opens [N m]
-    opens: Literal["above", "below"] = "above"  #: side of that moment on which it is open
+    moment: Number = 0.0  #: moment at which it opens, or closes [N m]
+    #: side of that moment on which it is open; within, as play, or beyond it on both sides of zero
+    opens: Opens = "above"
 
     @model_validator(mode="after")
     def _mean_is_in_between(self) -> Self:
@@ -258,6 +260,7 @@ class BreathingCrack(Entry):
                 f"breathing_crack of {self.member}: expected closed <= mean <= flexibility, "
                 f"found {self.closed:g}, {self.mean:g}, {self.flexibility:g}"
             )
+        check_opening(self.opens, self.moment)
         return self
 
 

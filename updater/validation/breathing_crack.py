@@ -1,10 +1,13 @@
-"""Opening and closing of a crack or a gaping connection, from the signals of a window.
+"""Opening and closing of a crack, a gaping connection or play, from the signals of a window.
 
 Modes show the flexibility that a crack adds on average. If it is open under a moment m above m0 and closed below, its
 rotation is c max(m - m0, 0): on average P c m, with P the share of the time in which it is open, and a nonlinear part,
 which is not correlated with m or with any force on a linear structure. That part, as a modal force, is followed through
 the modes to the sensors, and fitted to their signals by generalised least squares. Its size over that of the mean
 flexibility is 1 for a crack that closes completely, and 0 for one that is always open.
+
+Play is softer within a moment on both sides, |m| < m0; a connection that gapes, or slips, under both signs of the load
+is softer beyond. The rotation beyond is c (max(m - m0, 0) - max(-m - m0, 0)). These laws are tried too.
 
 The moment is known as far as measured modes show it. The remaining part r is random, so that the mean nonlinear
 rotation for a known part s is that of E max(s + r - m0, 0). The model predicts that standard
@@ -32,13 +35,14 @@ from daq import FloatArray, Recording
 from updater.causes import Cause, LocalStiffness, Springs, joint_opening
 from updater.inference import Fit
 from updater.modal_data import ModalMean
-from updater.quantities import BREATHES, Breathing, NonlinearGain, Opening, Quantity, rounded_value
+from updater.quantities import BREATHES, Breathing, Law, NonlinearGain, Opening, Opens, Quantity, rounded_value
 from updater.reference import Reference
 from updater.structure import BreathingCrack, Structure, with_few_digits
 from updater.validation.member_moment import member_moment
 from updater.validation.nonlinear_part import (
     PROBABLE,
     UNKNOWN,
+    UNKNOWN_LOG_DENSITY,
     ActionTest,
     Loss,
     LossTests,
@@ -50,6 +54,7 @@ _MAX_PLACES = 12
 _TRIED = 2000  # alternatives, the most probable first
 _MODEL_STD = 0.1  # of the nonlinear part, relative: moments that are not Gaussian, errors of shapes (simulated cracks)
 _THRESHOLDS = np.linspace(-1.5, 1.5, 13)  # m0 over the standard deviation of the moment
+_OF_BOTH_SIDES = np.linspace(0.25, 2.5, 10)  # the same of a place that opens, or closes, on both sides
 
 
 def breathing(
@@ -87,17 +92,16 @@ def breathing(
         return None
     prior = part.log_density + cause.log_prior - joint_opening(part, others)
     tests = [
-        test
+        law
         for row in _places(cause, part)
         for test in place.at(part.theta[row], row, float(prior[row]), at_best=row == part.best)
+        for law in (test, test.of_both_sides())
     ]
     if not tests:
         return None  # stiffness was gained
-    best = max(tests, key=lambda test: test.log_density)
-    bias, of_bias, p_value = best.against(place.before(best))
     known = cause.comparison.circumstances.opening.get(cause.name)
     n_tests = len(tests) + (known.n_tests if known else 0)
-    posterior = _Posterior.of(tests, (bias, of_bias), min(1.0, n_tests * p_value), 1 / cause.deviations(part))
+    posterior = _most_probable_law(place, tests, n_tests, 1 / cause.deviations(part))
     if not posterior.closes:
         return posterior.breathing
     unused = None if heldout is None else SignalWindow.of(posterior.best.test.state, cause.comparison, heldout)
@@ -106,6 +110,27 @@ def breathing(
         "heldout": None if unused is None else posterior.best.predicted(unused),
     }
     return posterior.breathing.model_copy(update=more)
+
+
+def _most_probable_law(place: LossTests, tests: Sequence[ActionTest], n_tests: int, std: float) -> "_Posterior":
+    """Return the posterior of the law that is more probable, or of one side where nothing is significant.
+
+    Parameters
+    ----------
+    n_tests : by which the smallest p value is multiplied
+    std : of the mean flexibility, relative [-]
+    """
+    laws = [[test for test in tests if test.symmetric == symmetric] for symmetric in (False, True)]
+    best = [max(law, key=lambda test: test.log_density) for law in laws]
+    usual = [test.against(place.before(test)) for test in best]
+    noise = min(test.spread for test in best)  # the products of a law that does not hold scatter more
+    p_value = min(1.0, n_tests * min(p for _, _, p in usual))
+    n_laws = len(laws) if p_value < BREATHES else 1
+    found = [
+        _Posterior.of(own, (bias, of_bias), p_value, std, noise)
+        for own, (bias, of_bias, _) in zip(laws[:n_laws], usual, strict=False)
+    ]
+    return max(found, key=lambda posterior: posterior.log_evidence)
 
 
 def _opening(
@@ -117,7 +142,7 @@ def _opening(
 ) -> Opening | None:
     """Return the moment that opens the place; None if it is not one of a member."""
     position, std = cause.where(part).position, 1 / cause.deviations(part)
-    here = [test for test in tests if test.at_best]
+    here = [test for test in tests if test.at_best and test.symmetric == posterior.best.test.symmetric]
     if position is None or not here:
         return None
     test = max(here, key=lambda one: one.log_density)
@@ -128,9 +153,11 @@ def _opening(
     assert open_time
     mean = found.coefficient**2 * test.action.relief
     of_moment = test.moment_std * found.root_rigidity / (abs(found.coefficient) * test.action.relief)
-    more = (1 - open_time.value) / open_time.value
-    of_open = np.hypot(more * share.std, share.value * open_time.std / open_time.value**2)
-    side = test.side(posterior.bias) * float(np.sign(found.coefficient))
+    more = (1 - posterior.part) / posterior.part
+    of_open = np.hypot(more * share.std, share.value * open_time.std / posterior.part**2)
+    above = test.side(posterior.bias) * found.coefficient > 0
+    opens: dict[Law, Opens] = {"one_side": "above" if above else "below", "within": "within", "beyond": "beyond"}
+    sign = 1.0 if test.symmetric or above else -1.0
     flexibility, closed = (1 + share.value * more) * mean, (1 - share.value) * mean
     threshold, of_threshold = posterior.threshold
     return Opening(
@@ -140,8 +167,8 @@ def _opening(
         flexibility=Quantity(value=flexibility, std=float(np.hypot(of_open * mean, std * flexibility)), unit="m"),
         closed=Quantity(value=closed, std=float(np.hypot(share.std * mean, std * closed)), unit="m"),
         mean=Quantity(value=mean, std=std * mean, unit="m"),
-        moment=Quantity(value=side * threshold * of_moment, std=of_threshold * of_moment, unit="N m"),
-        opens="above" if side > 0 else "below",
+        moment=Quantity(value=sign * threshold * of_moment, std=of_threshold * of_moment, unit="N m"),
+        opens=opens[test.law(posterior.bias)],
     )
 
 
@@ -197,8 +224,8 @@ class _Setting:
 
     def predicted(self, window: "SignalWindow") -> NonlinearGain:
         """Return how well the nonlinear part of signals is predicted that were not used."""
-        state, action = self.test.state, self.test.action
-        other = ActionTest(window, state, window.modal_motion(state), action)
+        state = self.test.state
+        other = self.test.in_window(window, state, window.modal_motion(state))
         ratio = self.whole * self.test.moment_std / (other.whole(self.unknown) * other.moment_std)
         return other.predicted_by(self.size, self.threshold * ratio, self.unknown)
 
@@ -211,6 +238,8 @@ class _Posterior:
     bias: float  #: size without a loss
     threshold: tuple[float, float]  #: over the standard deviation of the known moment, and its own deviation [-]
     best: _Setting  #: the most probable one
+    log_evidence: float  #: of the law
+    part: float  #: part of the flexibility while open that the mean contains, beyond that while closed [-]
 
     @property
     def closes(self) -> bool:
@@ -218,7 +247,9 @@ class _Posterior:
         return self.breathing.significant
 
     @classmethod
-    def of(cls, tests: Sequence[ActionTest], bias: tuple[float, float], p_value: float, std: float) -> "_Posterior":
+    def of(
+        cls, tests: Sequence[ActionTest], bias: tuple[float, float], p_value: float, std: float, noise: float
+    ) -> "_Posterior":
         """Return the posterior.
 
         Parameters
@@ -226,35 +257,43 @@ class _Posterior:
         bias : size without a loss, and its variance
         p_value : of all tests
         std : of the mean flexibility, relative [-]
+        noise : variance of the products over the expected one, alike for laws that are compared
         """
         closes = p_value < BREATHES
-        grid = list(itertools.product(_THRESHOLDS if closes else (0.0,), range(len(UNKNOWN))))
+        thresholds = _OF_BOTH_SIDES if tests[0].symmetric else _THRESHOLDS
+        grid = list(itertools.product(thresholds if closes else (0.0,), range(len(UNKNOWN))))
         most = max(test.log_density for test in tests)
         cells = [(test, *values) for test in tests if test.log_density > most - PROBABLE for values in grid]
-        log, share, variance, often = np.array([test.fitted(*bias, *values) for test, *values in cells]).T
+        log, share, variance, often, part = np.array([test.fitted(*bias, *values) for test, *values in cells]).T
         variance += (std**2 + _MODEL_STD**2) * share**2
+        prior = np.array([test.prior + UNKNOWN_LOG_DENSITY[unknown] for test, _, unknown in cells])
+        scatter = np.array([test.spread for test, _, _ in cells])
         if closes:
             log, share, variance = _within_bounds(log, share, variance)
+        alike = prior + (log - prior) * scatter / noise
+        log_evidence = float(scipy.special.logsumexp(alike)) - np.log(len(grid))
         weight = np.exp(log - log.max())
         weight /= weight.sum()
         mean, open_time = float(weight @ share), float(weight @ often)
         spread = float(weight @ (variance + (share - mean) ** 2))
-        cell = float(np.ptp(_THRESHOLDS)) / (len(_THRESHOLDS) - 1)
-        resolved = cell * scipy.stats.norm.pdf(0.0)
+        cell = float(np.ptp(thresholds)) / (len(thresholds) - 1)
+        side = tests[0].side(bias[0])
+        resolved = cell * tests[0].open_time_slope(0.5, side)
         # a shift of m0 by a share of the moment's deviation changes the nonlinear part by about the same share of it
-        of_model = _MODEL_STD * scipy.stats.norm.pdf(scipy.stats.norm.isf(open_time))
+        of_model = _MODEL_STD * tests[0].open_time_slope(open_time, side)
         of_time = float(weight @ (often - open_time) ** 2 + resolved**2 / 12 + of_model**2) ** 0.5
         whole = np.array([test.whole(unknown) for test, _, unknown in cells])
         opens = whole * [threshold for _, threshold, _ in cells]
         threshold = float(weight @ opens)
         best = int(np.argmax(weight))
         test, opening, unknown = cells[best]
-        size = test.side(bias[0]) * float(share[best] / (often[best] * test.action.relief))
+        size = test.side(bias[0]) * float(share[best] / (part[best] * test.action.relief))
         return cls(
             breathing=Breathing(
                 share=Quantity(value=mean, std=spread**0.5, unit="-"),
                 open_time=Quantity(value=open_time, std=of_time, unit="-") if closes else None,
                 p_value=p_value,
+                law=tests[0].law(bias[0]) if closes else None,
             ),
             bias=bias[0],
             threshold=(
@@ -262,6 +301,8 @@ class _Posterior:
                 float(weight @ ((opens - threshold) ** 2 + (_MODEL_STD * whole) ** 2) + cell**2 / 12) ** 0.5,
             ),
             best=_Setting(test, opening, unknown, size),
+            log_evidence=log_evidence,
+            part=float(weight @ part),
         )
 
 

@@ -6,6 +6,7 @@ Price, R. (1958). A useful theorem for nonlinear devices having Gaussian inputs.
 69-72 (the mean flexibility is P c).
 """
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,7 +21,7 @@ from updater.causes import LocalStiffness, Springs
 from updater.errors import ModalDataError
 from updater.inference import Comparison, Effect, no_effect, reanalyse
 from updater.modal_data import ModalMean
-from updater.quantities import NonlinearGain, Quantity
+from updater.quantities import Law, NonlinearGain, Quantity
 from updater.validation.response.modal_system import ModalSystem, band_about, damping_of_all
 from updater.validation.virtual_sensors import gapless_part
 
@@ -40,6 +41,7 @@ _RANGE = 1.2  # of frequency, each way, within which forces are white
 #: by 0.65 for forces at a few points, which are not alike on all modes, 0.4 for damping and 0.3 for shapes
 UNKNOWN = np.exp(0.4 * np.linspace(-2.0, 2.0, 7))
 UNKNOWN_LOG_DENSITY = -0.5 * np.linspace(-2.0, 2.0, 7) ** 2
+_SYMMETRIC = 1.0  # threshold over the standard deviation of the moment, at which a symmetric law is tested
 _LEAST_UNKNOWN = 0.05  # standard deviation of r over that of s, at least
 
 Loss = LocalStiffness | Springs  #: causes that may open and close
@@ -370,8 +372,7 @@ class LossTests:
         """Return the test of the same action in the window without the loss; None without such a window."""
         if self._before is None:
             return None
-        window, state, motion = self._before
-        return ActionTest(window, state, motion, test.action)
+        return test.in_window(*self._before)
 
 
 class ActionTest:
@@ -397,19 +398,38 @@ class ActionTest:
         *,
         at_best: bool = False,
     ) -> None:
-        self.action, self.state, self.at_best, self._window, self._prior = action, state, at_best, window, prior
+        self.action, self.state, self.at_best, self._window, self.prior = action, state, at_best, window, prior
         motion, force = modal_motion
         known, of_modes = motion @ action.value, state.of_displacements(action.value)
         self._moment, self._unknown = window.fine(known), window.unknown_part(state, of_modes, force, known)
         self._product, self._own = window.response(state, of_modes)
         self.moment_std = float(self._moment.std())  #: of the known part
-        along, weight = self._fit(0.0, self._unknown)
+        self.symmetric = False  #: whether it opens, or closes, on both sides of zero alike
+        self._estimate()
+
+    def of_both_sides(self) -> "ActionTest":
+        """Return the test of a place that is softer, or stiffer, beyond a moment on both sides of zero."""
+        found = copy.copy(self)
+        found.symmetric = True
+        found._estimate()
+        return found
+
+    def in_window(
+        self, window: SignalWindow, state: ModalState, modal_motion: tuple[ComplexArray, FloatArray]
+    ) -> "ActionTest":
+        """Return the test of the same action and law in another window; parameters as for the class."""
+        found = ActionTest(window, state, modal_motion, self.action)
+        return found.of_both_sides() if self.symmetric else found
+
+    def _estimate(self) -> None:
+        """Estimate the size at the usual threshold."""
+        along, weight, _ = self._fit(_SYMMETRIC if self.symmetric else 0.0, self._unknown)
         self._size = float(along.sum() / weight.sum())
         scatter = float(((along - self._size * weight) ** 2).sum()) * BLOCKS / (BLOCKS - 1)
-        self._spread = scatter / float(weight.sum())  # variance of the product over the expected one
+        self.spread = scatter / float(weight.sum())  #: variance of the product over the expected one
         self._variance = scatter / float(weight.sum()) ** 2
         #: of the place and of a nonlinear part that opens at no moment
-        self.log_density = prior + 0.5 * self._size**2 / self._variance
+        self.log_density = self.prior + 0.5 * self._size**2 / self._variance
 
     def against(self, usual: "ActionTest | None") -> tuple[float, float, float]:
         """Return the size without a loss, its variance, and the p value of as large a difference from it."""
@@ -430,8 +450,17 @@ class ActionTest:
         return abs(self._size - bias) / float(np.sqrt(self._variance + variance))
 
     def side(self, bias: float) -> float:
-        """Return 1 if it opens under a positive moment, -1 under a negative one; by the size without a loss."""
+        """Return 1 if it opens under a positive moment, -1 under a negative one; by the size without a loss.
+
+        On both sides, 1 if it opens beyond the threshold, -1 within.
+        """
         return 1.0 if self._size >= bias else -1.0
+
+    def law(self, bias: float) -> Law:
+        """Return the moments under which it is open, by the size without a loss."""
+        if not self.symmetric:
+            return "one_side"
+        return "beyond" if self.side(bias) > 0 else "within"
 
     def whole(self, unknown: int) -> float:
         """Return the standard deviation of the whole moment over that of the known part; as for `fitted`."""
@@ -448,7 +477,7 @@ class ActionTest:
         size : with its sign
         threshold, unknown : as for `fitted`
         """
-        along, weight = self._fit(threshold, self._unknown * float(UNKNOWN[unknown]), float(np.sign(size)))
+        along, weight, _ = self._fit(threshold, self._unknown * float(UNKNOWN[unknown]), float(np.sign(size)))
         kept = ~np.eye(BLOCKS, dtype=bool)
         left_out = np.array([self._gain(size, along[k], weight[k]) for k in kept]) * BLOCKS / (BLOCKS - 1)
         std = float(np.sqrt((BLOCKS - 1) * left_out.var()))
@@ -456,39 +485,70 @@ class ActionTest:
 
     def _gain(self, size: float, along: FloatArray, weight: FloatArray) -> float:
         """Return the gain of log likelihood in blocks."""
-        return float(2 * size * along.sum() - size**2 * weight.sum()) / (2 * self._spread)
+        return float(2 * size * along.sum() - size**2 * weight.sum()) / (2 * self.spread)
 
-    def fitted(self, bias: float, of_bias: float, threshold: float, unknown: int) -> tuple[float, float, float, float]:
+    def fitted(
+        self, bias: float, of_bias: float, threshold: float, unknown: int
+    ) -> tuple[float, float, float, float, float]:
         """Return the log density, the share of the mean flexibility and its variance, and the time when open.
+
+        The last value is the part of the flexibility while open that the mean contains; for Gaussian moments, it is
+        that time.
 
         Parameters
         ----------
         bias, of_bias : size without a loss, and its variance
-        threshold : as for a rotation
+        threshold : as for `_fit`
         unknown : number of the standard deviation of the unknown part, relative to that by the model
         """
         side = self.side(bias)
         std = self._unknown * float(UNKNOWN[unknown])
-        along, weight = (float(part.sum()) for part in self._fit(threshold, std, side))
-        open_time = float(scipy.stats.norm.sf(threshold))
-        scale = open_time * self.action.relief
-        log = self._prior + float(UNKNOWN_LOG_DENSITY[unknown]) + 0.5 * along**2 / (self._spread * weight)
-        return log, side * scale * (along / weight - bias), scale**2 * (self._spread / weight + of_bias), open_time
+        blocks, weights, (part, open_time) = self._fit(threshold, std, side)
+        along, weight = float(blocks.sum()), float(weights.sum())
+        if self.symmetric and side < 0:
+            part, open_time = 1 - part, 1 - open_time
+        scale = part * self.action.relief
+        log = self.prior + float(UNKNOWN_LOG_DENSITY[unknown]) + 0.5 * along**2 / (self.spread * weight)
+        share, variance = side * scale * (along / weight - bias), scale**2 * (self.spread / weight + of_bias)
+        return log, share, variance, open_time, part
 
-    def _fit(self, threshold: float, unknown: float, side: float = 1.0) -> tuple[FloatArray, FloatArray]:
+    def open_time_slope(self, open_time: float, side: float) -> float:
+        """Return how fast the share of the time in which it is open changes with the threshold [-]."""
+        if not self.symmetric:
+            return float(scipy.stats.norm.pdf(scipy.stats.norm.isf(open_time)))
+        beyond = open_time if side > 0 else 1 - open_time
+        return float(2 * scipy.stats.norm.pdf(scipy.stats.norm.isf(beyond / 2)))
+
+    def _fit(
+        self, threshold: float, unknown: float, side: float = 1.0
+    ) -> tuple[FloatArray, FloatArray, tuple[float, float]]:
         """Return the products (n_blocks,) of the expected signals with the measured ones, and with themselves.
+
+        The last values are the part of the rotation beyond the threshold that follows the moment, which the modes show,
+        and the share of the time beyond it.
 
         Parameters
         ----------
-        threshold : moment at which it opens, over the standard deviation of the whole moment [-]
+        threshold : moment at which it opens, or closes, over the standard deviation of the whole moment [-]
         unknown : standard deviation of the unknown part of the moment, over that of the known part [-]
-        side : 1 if it opens under a positive moment, -1 under a negative one
+        side : 1 if it opens under a positive moment, -1 under a negative one; without an effect on both sides
         """
-        moment = side * self._moment
+        moment = self._moment if self.symmetric else side * self._moment
         std = float(moment.std())
-        above = moment - threshold * std * np.hypot(1.0, unknown)
-        score = above / (unknown * std)
-        rotation = above * scipy.special.ndtr(score) + unknown * std * np.exp(-0.5 * score**2) / np.sqrt(2 * np.pi)
+        opens, unknown_std = threshold * std * np.hypot(1.0, unknown), unknown * std
+        rotation, beyond = _expected_excess(moment - opens, unknown_std)
+        if self.symmetric:
+            below, other = _expected_excess(-moment - opens, unknown_std)
+            rotation, beyond = rotation - below, beyond + other
         # the part in proportion to the moment belongs to the mean flexibility
-        lines = self._window.rotation(rotation - (rotation @ moment) / (moment @ moment) * moment)
-        return self._window.products(lines, self._product), self._window.squares(lines * self._own)
+        part = float((rotation @ moment) / (moment @ moment))
+        lines = self._window.rotation(rotation - part * moment)
+        products = self._window.products(lines, self._product), self._window.squares(lines * self._own)
+        return *products, (part, beyond)
+
+
+def _expected_excess(above: FloatArray, std: float) -> tuple[FloatArray, float]:
+    """Return the mean of max(above + r, 0) for a Gaussian r of a standard deviation, and how often it is positive."""
+    score = above / std
+    positive = scipy.special.ndtr(score)
+    return np.asarray(above * positive + std * np.exp(-0.5 * score**2) / np.sqrt(2 * np.pi)), float(positive.mean())

@@ -12,7 +12,7 @@ from updater.inference import Fit
 from updater.modal_data import ModalMean, OpeningEvidence, Signals
 from updater.quantities import BREATHES
 from updater.structure import ON_MEMBER
-from updater.validation.nonlinear_part import ONE_AXIS, PROBABLE, Loss, LossTests
+from updater.validation.nonlinear_part import ONE_AXIS, PROBABLE, ActionTest, Loss, LossTests
 
 _APART, _FINER = 0.06, 0.02  # of the longest member: distance of places; that of places near the significant ones
 _MAX_PLACES = 30  # of one cause, each time
@@ -94,16 +94,23 @@ def _with_probable_places(
             break
         log_ratio = np.zeros(3)
         for test in tests.at(theta[row], row, share=axes.astype(float)):
-            doubtful = test.against(None)[2] > _DOUBTFUL
-            usual = None if doubtful else tests.before(test)
-            p_values.append(1.0 if doubtful else test.against(usual)[2])
-            log_ratio[test.action.axis] = 0.0 if doubtful else test.log_likelihood(usual)
+            laws = [_of_law(tests, law) for law in (test, test.of_both_sides())]
+            p_values += [p_value for _, p_value in laws]
+            log_ratio[test.action.axis] = np.logaddexp(laws[0][0], laws[1][0]) - np.log(2)
         found = OpeningEvidence(
             path=np.append(found.path, sites.path[row]),
             distance=np.append(found.distance, sites.distance[row]),
             log_ratio=np.vstack([found.log_ratio, log_ratio]),
         )
     return found, p_values
+
+
+def _of_law(tests: LossTests, test: ActionTest) -> tuple[float, float]:
+    """Return the log likelihood ratio of a law to a linear structure, and the p value."""
+    if test.against(None)[2] > _DOUBTFUL:
+        return 0.0, 1.0
+    usual = tests.before(test)
+    return test.log_likelihood(usual), test.against(usual)[2]
 
 
 def _at_least(cause: Loss, theta: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The confusion matrix of cracks that open and close, or stay open, and of a linear foot (`make bench-breathing`).
+"""The confusion matrix of cracks that open and close, play, gaping, and a linear foot (`make bench-breathing`).
 
 A run continues where the last one ended.
 """
@@ -20,10 +20,10 @@ from monitor.errors import StateError
 from oma import OmaError
 from tests.examiner.draws import Hidden
 from tests.examiner.score import RIGHT, score
-from tests.support.portals.cracked_portal import WHOLE, Crack, CrackedPortal, Force, records
+from tests.support.portals.cracked_portal import WHOLE, Crack, CrackedPortal, Force, Opens, records
 from tests.support.portals.tube_portal import Portal
 from updater.errors import UpdaterError
-from updater.quantities import BREATHES
+from updater.quantities import Law
 
 _PORTALS = (Portal(0.018, 0.015, 0.0015, 1.0, 1.175), Portal(0.015, 0.018, 0.0015, 0.9, 1.175))
 _COMMON, _LEVEL, _POWER = 3e-3, 0.01, 0.99  # of all frequencies; of the test; of a change that is visible
@@ -31,8 +31,14 @@ _CELL = "breathing: "
 _KINDS = ("closes", "closes by half", "loaded", "stays open")
 _FORCES: tuple[Force, ...] = ("white", "low", "blows")
 _NEAR = 0.05  # m
-_CLOSES, _DECIDES = "; opens and closes", "; decided by the signals"  # of what is reported
+_DECIDES = "; decided by the signals"  # of what is reported
+_LAWS: dict[Law, str] = {"one_side": "; opens and closes", "within": "; has play", "beyond": "; opens on both sides"}
 _FOOT, _LOOSE = "linear foot", 4.0  # kind, and times the flexibility of a crack
+_TWO_SIDED: dict[str, tuple[Opens, tuple[float, float]]] = {  # sides of the moment, its range over its deviation
+    "play": ("within", (0.6, 1.6)),
+    "gapes": ("beyond", (0.4, 1.2)),
+}
+_GUSTY: tuple[Force, ...] = (*_FORCES, "gusts")
 
 
 def _kind(seed: int) -> str:
@@ -41,12 +47,23 @@ def _kind(seed: int) -> str:
 
 def _drawn(kind: str, seed: int) -> tuple[Portal, Crack, Force]:
     random = np.random.default_rng((seed, 35))
+    if kind in _TWO_SIDED:
+        return _drawn_two_sided(kind, random)
     opened = float(np.exp(random.uniform(np.log(0.012), np.log(0.05)))) * (_LOOSE if kind == _FOOT else 1.0)
     closed = {"closes by half": opened / 2, "stays open": opened, _FOOT: opened}.get(kind, WHOLE)
     threshold = random.uniform(-0.5, 0.5) if kind == "loaded" else 0.0
     portal = _PORTALS[random.integers(len(_PORTALS))]
     place = 0.0 if kind == _FOOT else int(random.integers(5, 28)) / 32
     return portal, Crack(place, opened, closed, threshold), random.choice(_FORCES)
+
+
+def _drawn_two_sided(kind: str, random: np.random.Generator) -> tuple[Portal, Crack, Force]:
+    """Return play, or a connection that gapes under both signs: half of them in the left foot, half in its post."""
+    opens, moments = _TWO_SIDED[kind]
+    place = random.choice([0, int(random.integers(5, 28))]) / 32
+    opened = float(np.exp(random.uniform(np.log(0.012), np.log(0.05)))) * (1.0 if place else _LOOSE)
+    portal = _PORTALS[random.integers(len(_PORTALS))]
+    return portal, Crack(place, opened, WHOLE, random.uniform(*moments), opens), random.choice(_GUSTY)
 
 
 def _power(portal: Portal, crack: Crack, open_time: float, before: Observation, after: Observation) -> float:
@@ -88,17 +105,19 @@ def judged(task: Task) -> Result:
     except (UpdaterError, OmaError, StateError) as error:
         return Result.model_validate(both | {"outcome": "refused", "reported": str(error), "done": done})
     seconds = time.process_time() - start
-    cause = "support_stiffness" if kind == _FOOT else "local_stiffness"
+    cause = "local_stiffness" if crack.place else "support_stiffness"
     scored = score(found, [Hidden(cause=cause, position=(x, y, z))], "detectable", near=_NEAR)
     breathing = found["causes"][0]["breathing"] if len(found["causes"]) == 1 and scored.outcome == RIGHT else None
+    if breathing and kind in _TWO_SIDED and not breathing["law"]:
+        breathing = None  # the share is that of the other law
     known = {name: breathing[name] for name in truth if breathing[name]} if breathing else {}
-    closes = any(c["breathing"] and c["breathing"]["p_value"] < BREATHES for c in found["causes"])
+    laws = [c["breathing"]["law"] for c in found["causes"] if c["breathing"] and c["breathing"]["law"]]
     decides = any(c["signals"] and c["signals"]["decides"] for c in found["causes"])
     return Result.model_validate(
         both
         | {
             "outcome": scored.outcome,
-            "reported": scored.reported + _CLOSES * closes + _DECIDES * decides,
+            "reported": scored.reported + "".join(_LAWS[law] for law in laws) + _DECIDES * decides,
             "done": done,
             "away": scored.away,
             "errors": {name: quantity["value"] - truth[name] for name, quantity in known.items()},
@@ -112,18 +131,19 @@ def judged(task: Task) -> Result:
 
 
 def _closing(results: list[Result]) -> str:
-    """Return how many losses are named in their place, stated to open and close, and decided by the signals."""
+    """Return how many losses are named in their place, stated to open by each law, and decided by the signals."""
     rows = [
-        "| loss | draws | named alone, in place | visible, of these named | opens and closes | decided, wrong |",
+        "| loss | draws | named alone, in place | visible, of these named | one side, play, gapes | decided, wrong |",
         "|:--|---:|---:|---:|---:|---:|",
     ]
-    for kind in (*_KINDS, _FOOT):
+    for kind in (*_KINDS, _FOOT, *_TWO_SIDED):
         own = [r for r in results if r.cell == _CELL + kind]
         right = [r for r in own if r.outcome == RIGHT]
         visible = [r for r in own if r.true.get("power", 1.0) >= _POWER]
         seen = f"{len(visible)}, {sum(r.outcome == RIGHT for r in visible)}"
         decided = [r for r in own if _DECIDES in r.reported]
-        closing, wrong = sum(_CLOSES in r.reported for r in right), sum(r.outcome != RIGHT for r in decided)
+        closing = ", ".join(str(sum(law in r.reported for r in right)) for law in _LAWS.values())
+        wrong = sum(r.outcome != RIGHT for r in decided)
         rows.append(f"| {kind} | {len(own)} | {len(right)} | {seen} | {closing} | {len(decided)}, {wrong} |")
     return "\n".join(rows)
 
@@ -133,6 +153,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=100)
     parser.add_argument("--feet", type=int, default=40, help="draws of a linear loss of a foot")
+    parser.add_argument("--two-sided", type=int, default=31, help="draws of play, and of gaping under both signs")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--minutes", type=float, default=float("inf"), help="after which to stop and report")
     parser.add_argument("--file", type=Path, default=Path("confusion_breathing.jsonl"))
@@ -141,6 +162,7 @@ def main() -> int:
     seeds = range(given.seed, given.seed + given.draws)
     cells = [(_CELL + _kind(seed), seed) for seed in seeds]
     cells += [(_CELL + _FOOT, seed) for seed in range(given.seed, given.seed + given.feet)]
+    cells += [(_CELL + kind, seed) for seed in range(given.seed, given.seed + given.two_sided) for kind in _TWO_SIDED]
     tasks = [(*cell, "records of 180 s") for cell in cells]
     done = run(judged, tasks, given.file, minutes=given.minutes, processes=given.processes)
     print(f"{tables(done)}\n\n{_closing(done)}")

@@ -11,6 +11,7 @@ SCENARIOS = (
     "added-mass",
     "breathing-crack",
     "filling-tank",
+    "play-in-foot",
     "quiet",
     "two-bodies",
 )  #: those that come with the program

@@ -116,9 +116,13 @@ def _body(event: RigEvent, cause: Cause | None) -> tuple[str, str, bool]:
 def _crack(event: RigEvent, cause: Cause | None) -> tuple[str, str, bool]:
     """Return the true share that is absent while it is closed, the error of the answer, and whether it is stated."""
     assert event.crack
-    share = (event.crack.flexibility - event.crack.closed) / (event.crack.flexibility + event.crack.closed)
-    truth = f"{100 * share:.0f} % of the flexibility absent while closed, open half of the time,"
     found = cause.breathing if cause else None
+    half = event.crack.opens in ("above", "below") and event.crack.moment == 0
+    open_time = 0.5 if half or found is None or found.open_time is None else found.open_time.value
+    mean = open_time * event.crack.flexibility + (1 - open_time) * event.crack.closed
+    share = open_time * (event.crack.flexibility - event.crack.closed) / mean
+    when = "half of the time" if half else f"{event.crack.opens} a moment of {event.crack.moment:.3g} N m"
+    truth = f"{100 * share:.0f} % of the flexibility absent while closed, open {when},"
     if found is None:
         return truth, "not tested", False
     off = found.share.value - share

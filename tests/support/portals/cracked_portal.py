@@ -1,12 +1,13 @@
-"""Portals with a crack that opens and closes: records under random forces.
+"""Portals with a crack that opens and closes, or a hinge with play: records under random forces.
 
-A hinge in the left post has one stiffness while it is open and another while it is closed. Time is integrated by exact
-transitions of the modes with the open and with the closed crack, ten steps per sample; a step in which the crack opens
-or closes is divided there.
+A hinge in the left post has one stiffness while it is open and another while it is closed: it opens above a rotation,
+or is open within that rotation on both sides (play), or beyond it on both sides. Time is integrated by exact
+transitions of the modes with the open and with the closed hinge, ten steps per sample; a step in which it opens or
+closes is divided there.
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Literal
 
@@ -17,8 +18,9 @@ from scipy.signal import butter, firwin, lfilter, upfirdn
 from daq import Channel, Recording
 from tests.support.portals.tube_portal import LEFT, MODULUS, Portal
 
-#: white noise; the same above `LOW` reduced; half-sine blows from one side at random times
-Force = Literal["white", "low", "blows"]
+#: white noise; the same above `LOW` reduced; half-sine blows from one side at random times; white noise in gusts
+Force = Literal["white", "low", "blows", "gusts"]
+Opens = Literal["above", "within", "beyond"]  #: sides of the threshold on which a hinge is open
 RATE, SECONDS, WINDOWS, OVER = 500, 45, 4, 10
 PARTS = 16  # of a step, at one of which the crack opens or closes
 BLOCK = 16  # steps that are computed at once until the crack opens or closes
@@ -28,6 +30,7 @@ WHOLE = 1e-3  # m: rotation per moment over E I of a closed crack, next to none
 HIGHEST = 1600.0  # Hz: higher modes respond statically
 LOW = 80.0  # Hz
 BLOWS, LENGTH = 3.0, 0.004  # per second, and duration of each [s]
+GUST, SCATTER = 3.0, 0.5  # correlation time of the size of the forces [s], and standard deviation of its logarithm
 
 
 @dataclass(frozen=True)
@@ -37,11 +40,13 @@ class Crack:
     place: float  #: share of the height
     opened: float  #: rotation per moment over E I while it is open [m]
     closed: float = WHOLE  #: and while it is closed [m]
-    threshold: float = 0.0  #: rotation at which it opens, over its own rms about zero [-]
+    #: rotation at which it opens above, over its own rms about zero; moment on both sides, over that of the mean spring
+    threshold: float = 0.0
+    opens: Opens = "above"
 
     @property
     def healthy(self) -> "Crack":
-        """Return the place before it cracks."""
+        """Return the place before the change."""
         return Crack(self.place, WHOLE, WHOLE)
 
     def share(self, open_time: float) -> float:
@@ -66,6 +71,8 @@ class CrackedPortal:
         rest = self.jump @ static - ((self.jump @ shape) ** 2 / self.square).sum()
         change = [rigidity / flexibility - mean for flexibility in (crack.opened, crack.closed)]
         self.change = [dk / (1 + dk * rest) for dk in change]
+        #: rotation in the modes while open, and while closed, for the moment of a unit one of the mean spring
+        self.turn = [mean * (1 + dk * rest) / (mean + dk) for dk in change]
         self.at_sensors = shape[portal.rows(point)]
         everywhere = shape[: 6 * len(point)].reshape(len(point), 6, -1)[:, :3]
         places = np.random.default_rng(5).choice(np.arange(4, len(point) - 4), 8, replace=False)
@@ -88,19 +95,21 @@ class CrackedPortal:
             -self.at_sensors @ np.hstack([stiffness, damping]),
         )
 
-    def run(self, force: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
+    def run(self, force: np.ndarray, threshold: float, opens: Opens = "above") -> tuple[np.ndarray, np.ndarray]:
         """Return accelerations (n_steps, n_channels, n_windows), and rotations of the hinge (n_steps, n_windows)."""
         # beyond the threshold the spring is another one: its moment continues from there
-        push = self.jump * (self.change[0] - self.change[1]) * threshold
-        if self.change[0] == self.change[1]:
+        near, far = self.change if opens == "within" else self.change[::-1]
+        push = self.jump * (far - near) * threshold
+        if near == far:
             threshold = np.inf  # one spring
-        opened, closed = (_Spring(self, change, own) for change, own in zip(self.change, (push, 0 * push), strict=True))
-        done = [self._run(np.ascontiguousarray(own), threshold, (closed, opened)) for own in np.moveaxis(force, 2, 0)]
+        # numbers 0, 1 and -1, as the sides
+        springs = _Spring(self, near, 0 * push), _Spring(self, far, push), _Spring(self, far, -push)
+        done = [self._run(np.ascontiguousarray(own), threshold, opens, springs) for own in np.moveaxis(force, 2, 0)]
         motion, turned = (np.stack(each, axis=-1) for each in zip(*done, strict=True))
         return motion[SETTLING * RATE * OVER :], turned[SETTLING * RATE * OVER :]
 
     def _run(
-        self, force: np.ndarray, threshold: float, springs: tuple["_Spring", "_Spring"]
+        self, force: np.ndarray, threshold: float, opens: Opens, springs: tuple["_Spring", "_Spring", "_Spring"]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return accelerations (n_steps, n_channels), and rotations (n_steps,), of one window."""
         n, n_steps = len(self.square), len(force)
@@ -108,11 +117,12 @@ class CrackedPortal:
         motion, turned = np.empty((len(force), len(self.at_sensors))), np.empty(len(force))
         state, rotation, k = np.zeros(2 * n), 0.0, 0
         while k < n_steps:
-            opened = bool(rotation > threshold)
-            spring = springs[opened]
+            side = int(side_of(rotation, threshold, opens))
+            spring = springs[side]
             known = np.concatenate([state, force[k : k + BLOCK].ravel(), [1.0]])
             after = spring.rotations @ known
-            crossed = (after > threshold) != opened
+            sides = side_of(after, threshold, opens)
+            crossed = sides != side
             whole = int(np.argmax(crossed)) if crossed.any() else BLOCK  # steps until the spring is another one
             started = min(whole + 1, BLOCK)
             turned[k], turned[k + 1 : k + started] = rotation, after[: started - 1]
@@ -122,8 +132,9 @@ class CrackedPortal:
             if whole == BLOCK:
                 rotation = after[-1]
             else:
-                part = round(PARTS * (threshold - turned[k]) / (after[whole] - turned[k]))
-                state = springs[not opened].over(PARTS - part, spring.over(part, state, force[k]), force[k])
+                reached = int(sides[whole])
+                part = round(PARTS * (threshold * (side or reached) - turned[k]) / (after[whole] - turned[k]))
+                state = springs[reached].over(PARTS - part, spring.over(part, state, force[k]), force[k])
                 rotation, k = float(self.jump @ state[:n]), k + 1
         return motion[:n_steps], turned[:n_steps]
 
@@ -156,6 +167,12 @@ class _Spring:
         return after
 
 
+def side_of(rotation: np.ndarray | float, threshold: float, opens: Opens) -> np.ndarray:
+    """Return 1 above the threshold, -1 below that on the other side if there is one, else 0."""
+    above = np.asarray(np.greater(rotation, threshold), int)
+    return above if opens == "above" else above - np.less(rotation, -threshold)
+
+
 def forces(seed: int, kind: Force) -> np.ndarray:
     """Return forces (n_steps, 8, n_windows)."""
     random = np.random.default_rng(seed)
@@ -164,6 +181,10 @@ def forces(seed: int, kind: Force) -> np.ndarray:
         hits = (random.uniform(size=shape) < BLOWS / (RATE * OVER)) * random.lognormal(size=shape)
         return upfirdn(np.sin(np.linspace(0, np.pi, round(LENGTH * RATE * OVER))), hits, axis=0)[: shape[0]]
     white = random.standard_normal(shape)
+    if kind == "gusts":
+        step = np.exp(-1 / (GUST * RATE * OVER))
+        slow = lfilter([np.sqrt(1 - step**2)], [1, -step], random.standard_normal((shape[0], 1, WINDOWS)), axis=0)
+        return white * np.exp(SCATTER * slow)
     return lfilter(*butter(2, LOW / (RATE * OVER / 2)), white, axis=0) if kind == "low" else white
 
 
@@ -171,11 +192,15 @@ def forces(seed: int, kind: Force) -> np.ndarray:
 def records(portal: Portal, crack: Crack, seed: int, kind: Force = "white") -> tuple[tuple[Recording, ...], float]:
     """Return windows with noise and gains 0.3 % off, and the share of the time in which the crack is open."""
     cracked, force = CrackedPortal(portal, crack), forces(seed, kind)
-    threshold = 0.0
-    if crack.threshold:
-        _, turned = cracked.run(force[: (SETTLING + 5) * RATE * OVER], 0.0)
+    threshold, short = 0.0, force[: (SETTLING + 5) * RATE * OVER]
+    if crack.threshold and crack.opens == "above":
+        _, turned = cracked.run(short, 0.0)
         threshold = crack.threshold * float(turned.std())
-    motion, turned = cracked.run(force, threshold)
+    elif crack.threshold:
+        mean = (crack.opened + crack.closed) / 2
+        _, turned = CrackedPortal(portal, replace(crack, opened=mean, closed=mean)).run(short, 0.0)
+        threshold = crack.threshold * float(turned.std()) * cracked.turn[crack.opens == "beyond"]
+    motion, turned = cracked.run(force, threshold, crack.opens)
     taps = firwin(32 * OVER + 1, 0.88 / OVER, window=("kaiser", 9.0))
     random = np.random.default_rng((seed, 1))
     gain = 1 + 0.003 * np.random.default_rng(7).standard_normal(motion.shape[1])
@@ -194,4 +219,5 @@ def records(portal: Portal, crack: Crack, seed: int, kind: Force = "white") -> t
         )
         for k, data in enumerate(filtered)
     ]
-    return tuple(found), float((turned > threshold).mean())
+    far = float((side_of(turned, threshold, crack.opens) != 0).mean())
+    return tuple(found), 1 - far if crack.opens == "within" else far

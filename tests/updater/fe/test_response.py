@@ -12,6 +12,7 @@ from tests.support.thorough import few_of
 from tests.support.updater.frames import ALL, beam, clamped
 from updater import Model, ModelError, Structure, build_model
 from updater.fe import Ambient, AmbientResponse, Crack
+from updater.fe.response import _CrackedModes
 from updater.structure import Support
 
 TIP = (1.0, 0.0, 0.0)
@@ -125,6 +126,44 @@ def test_crack_of_a_file_is_open_on_its_side_of_the_moment(
     twice = structure.model_copy(update={"breathing_crack": 2 * structure.breathing_crack})
     with pytest.raises(ModelError, match="at most one in a simulation, found 2"):
         Crack.of(twice)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("opens", "moment", "flexibility"),
+    [("within", 1e3, 0.06), ("within", 1e-9, 0.0), ("beyond", 1e3, 0.0), ("beyond", 1e-9, 0.06)],
+)
+def test_play_is_open_within_its_moment_on_both_sides(
+    opens: Literal["within", "beyond"], moment: float, flexibility: float
+) -> None:
+    """Far below and far above the moment, frequencies are those of a linear hinge, open or closed."""
+    crack = Crack(member="b", distance=0.4, axis="y", flexibility=0.06, opens=opens, moment=moment)
+    _check_peaks(_thin_cantilever(), crack, flexibility, 0.4)
+
+
+@pytest.mark.parametrize("opens", ["within", "beyond"])
+def test_play_under_a_slow_force_has_the_rotation_of_its_law(opens: Literal["within", "beyond"]) -> None:
+    """A cantilever under a tip force that rises slowly: the deflection over the force is piecewise linear."""
+    model = build_model(_thin_cantilever(), mass="consistent")
+    modes = model.modes(8)
+    crack = Crack(member="b", distance=0.4, axis="y", flexibility=0.06, opens=opens, moment=0.3)
+    damping, rate = np.full(8, 0.7), 20 * float(modes.omega[0]) / (2 * np.pi)
+    own = _CrackedModes(model, modes, damping, crack, rate)
+    at_tip = model.read(np.array(TIP))[2] @ modes.shape
+    pole = -damping * modes.omega + 1j * modes.omega * np.sqrt(1 - damping**2)
+    n = 200 * 20  # samples of 200 periods of the first mode
+    force, state, found = np.linspace(-1.0, 1.0, n), np.zeros(8, complex), []
+    for part in np.array_split(force, 40):
+        _, state = own.run(state, pole, part[:, None] * at_tip)
+        found.append((part[-1], float(at_tip @ (state.imag / pole.imag))))
+    at, tip = np.array(found[4:]).T
+    moment, rigidity, arm = 0.6 * at, model.structure.rigidity(model.structure.member[0])[1], 0.6  # of the hinge
+    excess = np.sign(moment) * np.maximum(np.abs(moment) - crack.moment, 0.0)
+    hinge = 0.06 * (excess if opens == "beyond" else moment - excess) / rigidity
+    elastic = at_tip @ (at_tip / modes.omega**2) * at
+    # of a force at a rate, the first mode is late by 2 zeta / omega
+    lag = 2 / n * rate * 2 * 0.7 / float(modes.omega[0]) * float(np.abs(tip).max())
+    np.testing.assert_allclose(np.abs(tip), np.abs(elastic + arm * hinge), atol=3 * lag)
 
 
 def _thin_cantilever() -> Structure:
