@@ -4,9 +4,12 @@ import pytest
 
 from monitor.analysis.explanation import explain
 from monitor.analysis.observation import observe
+from monitor.rig import World, load_scenario, shipped_scenarios
 from monitor.text.causes import breathing_text
+from tests.end_to_end.test_breathing_crack import SECONDS, START, WINDOWS, windows
 from tests.support.portals.cracked_portal import Crack, records
 from tests.support.portals.tube_portal import Portal
+from updater import dump_structure, parse_structure, t_structure_toml
 from updater.quantities import Law
 
 PORTAL = Portal(0.018, 0.015, 0.0015, 1.0, 1.175)
@@ -32,3 +35,37 @@ def test_foot_that_opens_on_both_sides(foot: Crack, law: Law, seed: int) -> None
     assert (found.opening.member, found.opening.axis, found.opening.opens) == ("left post", "y", law)
     # the healthy hinge of the truth has 1 mm, which calibration adds to the foot
     assert abs(found.opening.flexibility.value - 0.119) < 3 * found.opening.flexibility.std
+
+
+@pytest.mark.thorough
+def test_play_of_the_virtual_rig_is_named_and_predicts_signals() -> None:
+    """The shipped scenario; the extended model has the play, and predicts windows that were not used."""
+    scenario = load_scenario(shipped_scenarios()["play-in-foot"])
+    print(f"seed {scenario.seed}")
+    event = scenario.event[0].model_copy(update={"at": WINDOWS * SECONDS})
+    world = World(parse_structure(t_structure_toml()), scenario.model_copy(update={"event": (event,)}))
+    world.sample(START)
+    (loose,) = world.begin(START)
+    structure = parse_structure(t_structure_toml())
+    before, after, heldout = (
+        observe(windows(world, structure, scenario.device, at))
+        for at in (START, loose, loose + WINDOWS * SECONDS * 10**9)
+    )
+    found = explain(structure, before, after, heldout)
+    (cause,) = found.diagnosis.causes
+    print(cause, breathing_text(cause))
+    assert "support_stiffness" in {cause.cause, *cause.cannot_be_told_from}
+    assert cause.where
+    assert cause.where.position == pytest.approx((0.0, 0.0, 0.0), abs=0.03)
+    assert cause.breathing
+    assert cause.breathing.law == "within"
+    opening, gain = cause.breathing.opening, cause.breathing.heldout
+    assert opening
+    assert abs(opening.flexibility.value - 0.015) < 3 * opening.flexibility.std
+    assert abs(opening.closed.value) < 3 * opening.closed.std
+    assert abs(opening.moment.value - 0.006) < 3 * opening.moment.std
+    assert gain
+    assert gain.log_likelihood.value > 5 * gain.log_likelihood.std
+    assert found.explained.extended
+    (played,) = parse_structure(dump_structure(found.explained.extended)).breathing_crack
+    assert (played.member, played.axis, played.opens) == ("column", "y", "within")

@@ -167,4 +167,4 @@ def test_shipped_scenarios_are_those_of_the_command_and_can_be_played() -> None:
     for path in shipped_scenarios().values():
         scenario = load_scenario(path)
         assert load_rig_structure(path, scenario).sensor
-    assert [len(load_scenario(shipped_scenarios()[name]).event) for name in SCENARIOS] == [1, 1, 1, 0, 2]
+    assert [len(load_scenario(shipped_scenarios()[name]).event) for name in SCENARIOS] == [1, 1, 1, 1, 0, 2]
