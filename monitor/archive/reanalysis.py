@@ -285,8 +285,8 @@ class _Run:
         with _writing(self._out):
             write_tables(self._out, site.name, log.log.key, found.tables)
             site.results.add(log.texts, found)
-        if not site.waiting:
-            site.results.close()  # of a fleet, not all are open at a time
+            if not site.waiting:
+                site.results.close()  # of a fleet, not all are open at a time
         self._on_log(
             AnalysedLog(
                 log=log.log,

@@ -53,7 +53,7 @@ _SAME_ERROR = 0.02  # relative difference of errors of frequencies that are thos
 _LARGE = 10.0  # kg: smaller masses are given in grams
 CLEAR_ODDS = 5.0  #: log evidence above which only one interpretation of the residual forces is shown
 SIGNIFICANT = 3.0  #: standard deviations from which a peak of them is named
-_SURE = 3.0  # standard deviations from which a fitted parameter surely differs from the file
+_SURE = 3.0  # standard deviations from which the difference of a fitted parameter from the file is certain
 
 
 def fit_text(answer: MassAnswer) -> str:

@@ -87,7 +87,7 @@ def _places(part: Fit[Cause]) -> list[tuple[float, BoolArray]]:
     found: list[tuple[FloatArray, FloatArray]] = []
     for inside in cause.by_place(part):
         where = cause.where(part.only(inside > 0))
-        position = np.array(where.position if where else ())
+        position = np.array(where.position if where and where.position else cause.points(part)[np.argmax(inside)])
         near = next((k for k, (_, other) in enumerate(found) if np.linalg.norm(position - other) < least), None)
         if near is None:
             found.append((inside, position))

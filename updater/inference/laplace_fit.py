@@ -453,7 +453,9 @@ def effects_of(parts: Sequence[Part], theta: FloatArray) -> list[Effect]:
     theta : (n, n_parameters)
     """
     return [
-        cause.effect(theta[:2, own], number[:2]).rows(np.zeros(len(number), np.intp))  # of two: what each row has shows
+        cause.effect(theta[:2, own], number[:2]).rows(
+            np.zeros(len(number), np.intp)
+        )  # all rows are equal: two are sufficient
         if len(number) > 2 and _is_common(theta[:, own], number)
         else cause.effect(theta[:, own], number)
         for cause, own, number in parts

@@ -80,7 +80,7 @@ def _best(baseline: ModalMean, event: ModalMean) -> tuple[IndexArray, "_Undo | N
     unknown = _unknown(event)
     least, undone, found = np.inf, None, np.full(len(baseline.log_frequency), -1, np.intp)
     for cost, chain in _chains(len(baseline.channels)):
-        if cost >= least:  # no pair costs less than nothing
+        if cost >= least:  # the costs of pairs are zero or more
             break
         assurance = mac_matrix(baseline.shape, chain(event.shape)) - unknown
         whole = np.minimum(1 - assurance + FREQUENCY_WEIGHT * distance, _NO_PAIR)

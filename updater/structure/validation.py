@@ -191,7 +191,7 @@ def _check_joint(joint: Joint, structure: Entries, passing: npt.NDArray[np.bool_
 
 
 def odd_units(structure: Entries) -> list[str]:
-    """Return a line for each material and section that no structure is built of, and for a mass that none has.
+    """Return a line for each material and section that no structure is built of, and for an improbable mass.
 
     A material is judged by the speed of waves along a bar, in which megapascals and g/cm3 show; a section by how far
     from its axis it lies, over the largest extent of the structure, in which millimetres show. If all lengths are in

@@ -32,6 +32,7 @@ from updater.structure import Member, Segment, Structure
 _WARMER_STD = 10.0  # K
 _EXPANSION, _EXPANSION_STD = 1.2e-5, 0.3  # 1/K of steel; relative, of its logarithm: other metals, concrete
 _COMPRESSED = -0.9  # relative to buckling: no structure is stable beyond
+_TINY = 1e-12  # 1/K, relative to the stiffness of the modes: no force
 _ON_A_SIDE = 0.01  # of the structure's size: members within it are in its outer face
 
 
@@ -56,13 +57,18 @@ class MemberTemperature(Discrete):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return flexibility changes."""
-        warmer, expanded = _WARMER_STD * theta[:, 0], _expanded(theta)
-        softer = np.expm1(SOFTENING * warmer)[:, None, None] * self.compliance[rows]
-        more = np.maximum(expanded[:, None] * self.share[rows], _COMPRESSED)
+        softer = np.expm1(SOFTENING * _WARMER_STD * theta[:, 0])[:, None, None] * self.compliance[rows]
+        more = self._expanded(theta, rows)[:, None] * self.share[rows]
         basis = self.basis[rows]
         restrained = (basis * (-more / (1 + more))[:, None, :]) @ basis.transpose(0, 2, 1)
         change = softer + in_modes(restrained, self.comparison)
         return replace(no_effect(len(rows), self.comparison), compliance=change)
+
+    def _expanded(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the temperature rise (n,) with the same expansion of steel, as far as the forces do not buckle [K]."""
+        same = _WARMER_STD * theta[:, 0] * np.exp(_EXPANSION_STD * theta[:, 1])
+        most, least = self.share[rows].max(1, initial=_TINY), self.share[rows].min(1, initial=-_TINY)
+        return np.clip(same, _COMPRESSED / most, _COMPRESSED / least)
 
     def deviations(self, fit: Fit[Any]) -> float:
         """Return by how many standard deviations the temperature differs from that of the other members."""
@@ -74,7 +80,7 @@ class MemberTemperature(Discrete):
         *others, last = (member.name for member in found)
         return Where(
             member=f"{', '.join(others)} and {last}" if others else last,
-            position=vector(self.points(fit)[fit.best]),
+            position=None if others else vector(self.points(fit)[fit.best]),
             position_std=None if others else found[0].length / np.sqrt(12),
             region=tuple((member.start, member.end) for member in found),
         )
@@ -98,18 +104,13 @@ class MemberTemperature(Discrete):
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Write the softer members as segments, and the axial forces of all members."""
         left = float(np.exp(-SOFTENING * _WARMER_STD * theta[0]))
-        force = float(_expanded(theta)) * self.force[row]
+        force = float(self._expanded(theta[None], np.array([row]))[0]) * self.force[row]
         segments = tuple(_softened(structure.member[m], left) for m in self.members[row])
         members = tuple(
             member.model_copy(update={"preload": member.preload + float(more)}) if more else member
             for member, more in zip(structure.member, force, strict=True)
         )
         return structure.model_copy(update={"member": members, "segment": (*structure.segment, *segments)})
-
-
-def _expanded(theta: FloatArray) -> FloatArray:
-    """Return the temperature rise (...) that causes the same expansion with the coefficient of steel [K]."""
-    return np.asarray(_WARMER_STD * theta[..., 0] * np.exp(_EXPANSION_STD * theta[..., 1]))
 
 
 def _softened(member: Member, left: float) -> Segment:
