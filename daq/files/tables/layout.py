@@ -1,8 +1,8 @@
 """Place of the table in a file of text: delimiter, names, units and first row, after any preamble.
 
 The rows are the lines with the most usual number of cells whose cells are numbers, dates or empty, but for columns of
-text; lines after the last line of text count. The names are in the line before them, or before a line of units. Lines
-before, such as those of Catman, LabVIEW and DASYLab, are the preamble.
+text; lines after the last line of text count unless more rows are before it. The names are in the line before them, or
+before a line of units. Lines before, such as those of Catman, LabVIEW and DASYLab, are the preamble.
 """
 
 import csv
@@ -17,7 +17,7 @@ from typing import Literal
 from daq.errors import DataError
 from daq.files.columns.date_cells import numeric_date
 from daq.files.columns.headings import parted
-from daq.files.columns.time_column import TIME_UNITS
+from daq.files.columns.time_column import TIME_UNITS, time_column
 from daq.files.columns.units import TEMPERATURES, parse_unit, plain
 from daq.files.tables.preamble import Line, stated_rate
 
@@ -136,11 +136,12 @@ def find_layout(path: Path, lines: Sequence[Line], comments: Sequence[Line], nam
 
 
 def _repeats(names: Sequence[str], head: Sequence[Sequence[str]]) -> list[int]:
-    """Return the places of columns with the name and the cells of an earlier one, such as the times of each channel."""
+    """Return the places of columns of times with the name and the cells of an earlier one: those of each channel."""
     found: list[int] = []
     for place, name in enumerate(names):
         first = names.index(name)
-        if name and first < place and head and all(row[place : place + 1] == row[first : first + 1] for row in head):
+        times = name and time_column([name], None)
+        if times and first < place and head and all(row[place : place + 1] == row[first : first + 1] for row in head):
             found.append(place)
     return found
 
@@ -162,7 +163,7 @@ def _rows(lines: Sequence[Line], delimiter: str | None) -> _Rows:
     cells = [cells_of(text, delimiter) for _, text in lines]
     kinds = [[kind_of(cell, delimiter) for cell in row] for row in cells]
     likely = [place for place, row in enumerate(kinds) if 2 * row.count("text") <= len(row) and "value" in row]
-    usual = _last_lines(likely, len(lines))
+    usual = _last_lines(likely, cells, kinds)
     widths = Counter(len(cells[place]) for place in usual)
     if not widths:
         return _Rows(delimiter, 0, 0, 0, (), cells)
@@ -178,15 +179,27 @@ def _rows(lines: Sequence[Line], delimiter: str | None) -> _Rows:
     return _Rows(delimiter, count, width, begin, columns, cells)
 
 
-def _last_lines(likely: Sequence[int], n_lines: int) -> Sequence[int]:
-    """Return the places of likely rows without another line after them; all likely rows if those are too few.
+def _last_lines(
+    likely: Sequence[int], cells: Sequence[Sequence[str]], kinds: Sequence[Sequence[Kind]]
+) -> Sequence[int]:
+    """Return the places of likely rows without another line after them; all likely rows if those may be a footer.
 
-    A short file may have more lines of numbers in its preamble than rows.
+    A short file may have more lines of numbers in its preamble than rows, but each of them begins with another label.
+    They are a footer if as many rows of one width are before them, or if there are too few of them.
     """
     first = len(likely)
-    while first and likely[first - 1] == n_lines - len(likely) + first - 1:
+    while first and likely[first - 1] == len(cells) - len(likely) + first - 1:
         first -= 1
-    return likely[first:] if len(likely) - first >= _MIN_ROWS else likely
+    last = likely[first:]
+    runs: list[list[int]] = []
+    for place in likely[:first]:
+        if not runs or place != runs[-1][-1] + 1 or len(cells[place]) != len(cells[place - 1]):
+            runs.append([])
+        runs[-1].append(place)
+    rows = [
+        run for run in runs if any(kinds[k][0] != "text" for k in run) or len({cells[k][0] for k in run}) < len(run)
+    ]
+    return likely if len(last) < _MIN_ROWS or any(len(run) >= len(last) for run in rows) else last
 
 
 def _fits(row: Sequence[Kind], columns: Sequence[Kind]) -> bool:
@@ -224,15 +237,26 @@ def _header(lines: Sequence[Line], rows: _Rows, comments: Sequence[Line]) -> tup
     fitting = [(number, cells) for number, cells in before if cells is not None]
     if not fitting or (before[0][1] is None and rows.width < 3):
         return None
-    pairs = itertools.pairwise((number, cells or []) for number, cells in before)
-    paired = next(
-        ((*names, units[1]) for units, names in pairs if _are_units(units[1]) and _names_columns(names[1])), None
-    )
-    if paired is not None:
-        number, cells, units = paired
-        return number, cells, [unit.strip("[]() ") for unit in units]
+    nearest = fitting[0][1]
+    if _are_units(nearest) or not _names_columns(nearest):
+        # the names may be farther up, before a line of units
+        pairs = [*fitting[:2], *((number, cells or []) for number, cells in before)]
+        paired = next(
+            (
+                (*names, units[1])
+                for units, names in itertools.pairwise(pairs)
+                if names[0] < units[0] and _are_units(units[1]) and _names_columns(names[1])
+            ),
+            None,
+        )
+        if paired is not None:
+            number, cells, units = paired
+            return number, cells, [unit.strip("[]() ") for unit in units]
     # words between spaces are a sentence rather than names, unless they are in the last line
-    named = next((line for line in fitting[: 1 if rows.delimiter is None else None] if _names_columns(line[1])), None)
+    others = fitting[1:] if rows.delimiter is not None else []
+    named = next((line for line in others if _names_columns(line[1])), None)
+    if _names_columns(nearest) or _is_heading(nearest):
+        named = fitting[0]
     if named is None:
         return None
     number, cells = named
@@ -251,6 +275,13 @@ def _fitted(rows: _Rows, cells: list[str]) -> list[str] | None:
     if len(names) > rows.width or any(kind != "empty" for kind in lacking):
         return None
     return [*names, *[""] * len(lacking)]
+
+
+def _is_heading(cells: Sequence[str]) -> bool:
+    """Return whether the cells of the line before the rows are names, perhaps given twice or with a colon."""
+    texts = [cell.strip() for cell in cells if cell.strip()]
+    words = sum(kind_of(text, None) == "text" for text in texts)
+    return 2 * words >= len(texts) > 0 and not any(text in _LABEL_ENDS for text in texts)
 
 
 def _names_columns(cells: Sequence[str]) -> bool:

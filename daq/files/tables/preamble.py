@@ -15,7 +15,7 @@ _RATE = re.compile(
     r"(?P<rate>\d[\d.,]*(e[-+]?\d+)?)\W*(?P<kilo>k)?(hz)?\b.*",
     re.IGNORECASE,
 )
-_RATE_WITHIN = re.compile(  # anywhere in a line
+_RATE_WITHIN = re.compile(  # anywhere in a line, if no line begins with the rate
     r"\b(sampl\w*|data|output)[\s_-]*(rate|frequency)\W{1,10}(?P<rate>\d[\d.,]*)\s*(?P<kilo>k)?hz\b", re.IGNORECASE
 )
 _STEP = re.compile(
@@ -45,11 +45,14 @@ _MAX_LENGTH = 200  # characters of a line that is searched
 def stated_rate(preamble: Sequence[Line]) -> float | None:
     """Return the sampling rate that a preamble states [Hz], None if it states none."""
     for _, text in preamble:
-        if found := _RATE.match(text[:_MAX_LENGTH]) or _RATE_WITHIN.search(text[:_MAX_LENGTH]):
+        if found := _RATE.match(text[:_MAX_LENGTH]):
             return _positive(found["rate"], 1e3 if found["kilo"] else 1.0)
         if found := _STEP.match(text[:_MAX_LENGTH]):
             step = _positive(found["step"], TIME_UNITS[(found["unit"] or "s").lower().removesuffix("ec")])
             return None if step is None else 1 / step
+    for _, text in preamble:
+        if found := _RATE_WITHIN.search(text[:_MAX_LENGTH]):
+            return _positive(found["rate"], 1e3 if found["kilo"] else 1.0)
     return None
 
 
