@@ -17,17 +17,17 @@ from daq.files.columns.scaling import calibration_remark, differentiation_remark
 from daq.files.columns.stated_start import StatedStart, UnclearDate
 from daq.files.columns.temperatures import known_mean, mean_temperature, temperature_remark
 from daq.files.columns.time_column import (
-    clock_column,
+    TIME_UNITS,
     date_column,
     date_remark,
-    in_seconds,
+    epoch_remark,
     is_epoch,
     is_further_time,
-    moment_column,
     no_times,
-    rising_column,
     time_column,
+    time_column_by_cells,
     time_remark,
+    unit_of_times,
 )
 from daq.files.columns.time_grid import UnevenError, even_grid
 from daq.files.formats.registry import Format, format_of, read_format
@@ -44,7 +44,7 @@ _MAX_TIME = 4.6e18  # ns since 1970
 _MIN_RATE, _MAX_RATE = 1e-6, 1e6  # Hz
 _NICE = 1e-3  # relative: a requested rate may be the nominal one of a file
 _DEVICE = "import"
-_COUNTER = re.compile(r"count(er)?|index|idx|samples?|no\.?|nr\.?|n|#|row|id|packet|seq(uence)?", re.IGNORECASE)
+_COUNTER = re.compile(r"count(er)?|index|idx|samples?|no\.|nr\.?|#|row|id|packet|seq(uence)?", re.IGNORECASE)
 
 
 def read_data(
@@ -138,7 +138,7 @@ def as_measured(path: Path, found: "Columns", options: DataOptions) -> Measured:
     texts = [
         date_remark(found.time, found.began) if found.began is not None else None,
         time_remark(found.time, options.time_unit) if found.time and found.began is None else None,
-        unit_remark(found.signals, options),
+        unit_remark(found.signals, options, found.unit_source),
         calibration_remark(found.signals, options),
         differentiation_remark(found.signals, scales, options.velocities),
         temperature_remark(found.warm, temperature),
@@ -186,6 +186,7 @@ class Columns:
     stated: StatedStart | UnclearDate | None = None  #: start that a text in the file states
     left: tuple[str, ...] = ()  #: descriptions of columns that are left out
     remarks: tuple[str, ...] = ()  #: on the place and the rate of the columns
+    unit_source: str = "the columns"  #: place of the units in the file
 
     @property
     def values(self) -> FloatArray:
@@ -222,16 +223,17 @@ def _table(path: Path, options: DataOptions) -> Columns:
     first = layout.head[0] if layout.head else ()
     time = time_column(filled, options.time)
     if time is None and options.time is None and rate is None:
-        time = rising_column(layout.names, layout.head) or moment_column(layout.names, first)
-        time = time or clock_column(layout.names, first)
-    day = date_column(layout.names, first, time)
+        time = time_column_by_cells(layout.names, layout.head, rated=layout.rate is not None)
+    stated = stated_start(layout.preamble, options.date_order)
+    day = date_column(layout.names, first, time, dated=stated is not None)
     others = _foreign_columns(layout, {time, day}) if options.columns is None else {}
     untimed = no_times(every, options.time) + ("" if layout.named else ", and --columns to name them")
     rest = [name for name in every if name not in (time, day) and name not in others]
     signals, warm, left = columns_to_read(path, rest, options)
-    if not any(signal.unit for signal in signals):
-        unit = stated_unit(layout.preamble)
-        signals = tuple(replace(signal, unit=unit) for signal in signals)
+    unit = None if any(signal.unit for signal in signals) else stated_unit(layout.preamble)
+    unit_source = "the columns"
+    if unit is not None and unit.usable:
+        signals, unit_source = tuple(replace(signal, unit=unit.text) for signal in signals), f"line {unit.line}"
     columns = [*(signal.column for signal in signals), *warm]
     timed = time is not None and (options.columns is None or rate is None)
     known = rate if timed else known_rate(path, rate, layout.rate, untimed)
@@ -247,9 +249,10 @@ def _table(path: Path, options: DataOptions) -> Columns:
     left = (*(text for name, text in others.items() if name or options.names is None), *again, *left)
     texts: dict[str, Any] = {
         "left": left,
-        "remarks": (layout.remark, preamble),
+        "remarks": (layout.remark, preamble, "" if unit is None or unit.usable else unit.remark),
         "origin": origin,
-        "stated": None if table.dated else stated_start(layout.preamble, options.date_order),
+        "stated": None if table.dated else stated,
+        "unit_source": unit_source,
     }
     if known is not None and not timed:
         return Columns(signals, warm, table.values, known, **texts)
@@ -260,9 +263,11 @@ def _table(path: Path, options: DataOptions) -> Columns:
         if table.dated:
             name = time if day is None else f"{day} {time}"
             return Columns(signals, warm, *on_grid(t, values), name, _nanoseconds(t), **texts)
-        t = in_seconds(path, time, t, options.time_unit)
+        time_unit = unit_of_times(path, time, t, options.time_unit)
+        t = t * TIME_UNITS[time_unit]
         data, even_rate = on_grid(t, values)
         if not origin and is_epoch(t):
+            texts["remarks"] = (epoch_remark(time, time_unit), *texts["remarks"])
             return Columns(signals, warm, data, even_rate, None, _nanoseconds(t), **texts)
         if origin:  # rows may have been taken out of the beginning
             texts["origin"] = replace(origin, start=origin.start + round(1e9 * float(t[0])))
@@ -341,8 +346,10 @@ def _of_format(path: Path, known: Format, options: DataOptions) -> Columns:
     if len(arrays.t) != len(values):
         raise DataError(path, f"{arrays.t_name}: expected {len(values)} times, found {len(arrays.t)}")
     try:
-        t = in_seconds(path, arrays.t_name, arrays.t, options.time_unit)
+        time_unit = unit_of_times(path, arrays.t_name, arrays.t, options.time_unit)
+        t = arrays.t * TIME_UNITS[time_unit]
         if arrays.began is None and not arrays.origin and is_epoch(t):
+            texts["remarks"] = (epoch_remark(arrays.t_name, time_unit), *arrays.remarks)
             return Columns(signals, warm, *on_grid(t, values), **texts | {"began": _nanoseconds(t)})
         return Columns(signals, warm, *on_grid(t, values), arrays.t_name, **texts)
     except UnevenError as error:

@@ -93,8 +93,8 @@ def _of_sensor(path: Path, signal: Signal, stated: str, unit: Unit, sensitivity:
     return Unit(quantity=sensitivity.motion.quantity, factor=unit.factor * sensitivity.factor)
 
 
-def unit_remark(signals: Sequence[Signal], options: DataOptions) -> str:
-    """Return a remark on the units of the columns; nothing if no column states one."""
+def unit_remark(signals: Sequence[Signal], options: DataOptions, source: str) -> str:
+    """Return a remark on the units of the columns, found in a source; nothing if no column has one."""
     stated: dict[str, list[str]] = {}
     for signal in signals:
         usual = "m/s" if signal.channel in options.velocities else "m/s2"
@@ -109,7 +109,7 @@ def unit_remark(signals: Sequence[Signal], options: DataOptions) -> str:
         worth = (unit.factor if unit else 1.0) * (options.factor or 1.0)
         metric = _METRIC.get(DERIVATIVES.get(unit.quantity, 3) if unit else 0, "V")
         return f"units of the columns: {listed}; overridden by --unit and --scale, {worth:.6g} {metric} a unit"
-    return f"from the columns: {listed}"
+    return f"from {source}: {listed}"
 
 
 def calibration_remark(signals: Sequence[Signal], options: DataOptions) -> str:

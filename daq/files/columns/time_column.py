@@ -31,7 +31,12 @@ _BARE = re.compile(
     re.IGNORECASE,
 )
 _BEGUN = re.compile(r"(time|zeit|temps|tiempo|tempo|tijd|tid)\b", re.IGNORECASE)  # with a unit of time at its end
-_TIMES = re.compile(r"time|second|elapsed|epoch?|zeit|sekunde|temps|tiempo|tempo", re.IGNORECASE)
+_TIMES = re.compile(  # whole names, as a channel may be called second_floor
+    r".*time[ _]?stamp|((sensor|device|chip|system|local|unix|utc|gps|elapsed|relative|sample|logging)[ _]?)*"
+    r"(time|elapsed|sec|seconds|epoch?|zeit|messzeit|sekunden|tiempo|tempo)([ _](elapsed|since[ _]\w+|[mun]?s))*"
+    r"|(time|zeit) +\d+( +- .*)?",
+    re.IGNORECASE,
+)
 _CLOCKED = re.compile(r"\s*[\[(]h+:m+[^\])]*[\])]$", re.IGNORECASE)  # form of times of day, as DASYLab writes it
 _DAYS = re.compile(r"date|day|datum", re.IGNORECASE)
 _DOUBTFUL = "T"  # temperatures are called so too: where another column is of times, it is not
@@ -64,7 +69,7 @@ def time_column(names: Collection[str], asked: str | None) -> str | None:
     return next(itertools.chain(surely, united, bare, begun), None)
 
 
-def date_column(names: Sequence[str], first: Sequence[str], time: str | None) -> str | None:
+def date_column(names: Sequence[str], first: Sequence[str], time: str | None, *, dated: bool = False) -> str | None:
     """Return the name of the column of dates that times of day belong to, None where there is none.
 
     A column of that name that cannot be read is identified by its cells.
@@ -74,56 +79,43 @@ def date_column(names: Sequence[str], first: Sequence[str], time: str | None) ->
     names : of all columns
     first : cells of the first line
     time : column of times
+    dated : whether the date is stated elsewhere: a column that is not called so may be another date then
     """
     cell = dict(zip(names, first, strict=False))
     if time is None or not reads(CLOCK, cell.get(time, "")):
         return None
     called = [name for name in names if _DAYS.fullmatch(_parted(name)[0])]
-    found = next((name for name in (*called, *names) if name != time and reads(DAY, cell.get(name, ""))), None)
+    others = () if dated else names
+    found = next((name for name in (*called, *others) if name != time and reads(DAY, cell.get(name, ""))), None)
     return found or (called[0] if called else None)
 
 
-def moment_column(names: Sequence[str], first: Sequence[str]) -> str | None:
-    """Return the name of the column of dates whose cells also have the time of day, None where there is none.
+def time_column_by_cells(names: Sequence[str], head: Sequence[Sequence[str]], *, rated: bool) -> str | None:
+    """Return the name of the column of times by its cells, None where there is none.
 
-    A column that is called so goes before others.
-
-    Parameters
-    ----------
-    names : of all columns
-    first : cells of the first line
-    """
-    cells = [(name, cell) for name, cell in zip(names, first, strict=False) if name and ":" in cell]
-    found = [name for name, cell in cells if reads(MOMENT, cell)]
-    return next((name for name in found if _DAYS.fullmatch(_parted(name)[0])), found[0] if found else None)
-
-
-def clock_column(names: Sequence[str], first: Sequence[str]) -> str | None:
-    """Return the name of the first column of times of day, None where there is none.
-
-    Parameters
-    ----------
-    names : of all columns
-    first : cells of the first line
-    """
-    return next((name for name, cell in zip(names, first, strict=False) if name and reads(CLOCK, cell)), None)
-
-
-def rising_column(names: Sequence[str], head: Sequence[Sequence[str]]) -> str | None:
-    """Return the name of the first column with a unit of time in brackets whose numbers increase, None without any.
+    It is the first of: dates with the time of day in a column that is called so; increasing numbers with a unit of time
+    in brackets; dates with the time of day; times of day, if another column has the dates.
 
     Parameters
     ----------
     names : of all columns
     head : cells of the first lines
+    rated : whether the file states a rate: only a column that is called so has the times then
     """
+    cells = [(name, cell) for name, cell in zip(names, head[0] if head else (), strict=False) if name and ":" in cell]
+    moments = [name for name, cell in cells if reads(MOMENT, cell)]
+    called = next((name for name in moments if _DAYS.fullmatch(_parted(name)[0])), None)
+    if called is not None or rated:
+        return called
     timed = [place for place, name in enumerate(names) if parted(name)[1].lower() in _WORDS]
-    return next((names[place] for place in timed if _rises([row[place] for row in head])), None)
+    rising = (names[place] for place in timed if _rises([row[place] for row in head]))
+    clocks = (name for name, cell in cells if reads(CLOCK, cell) and date_column(names, head[0], name))
+    return next(itertools.chain(rising, moments, clocks), None)
 
 
 def is_further_time(name: str, cells: Sequence[str]) -> bool:
     """Return whether a column holds further times: by its name, and by numbers that increase."""
-    return bool(_TIMES.search(name)) and _rises(cells)
+    return bool(_TIMES.fullmatch(parted(name)[0])) and _rises(cells)
 
 
 def _rises(cells: Sequence[str]) -> bool:
@@ -149,7 +141,12 @@ def _parted(name: str) -> tuple[str, str]:
 
 
 def in_seconds(path: Path, name: str, t: FloatArray, given: str | None) -> FloatArray:
-    """Return times (n_rows,) in seconds.
+    """Return times (n_rows,) in seconds; see `unit_of_times`."""
+    return t * TIME_UNITS[unit_of_times(path, name, t, given)]
+
+
+def unit_of_times(path: Path, name: str, t: FloatArray, given: str | None) -> str:
+    """Return the unit of times (n_rows,), of `TIME_UNITS`.
 
     Parameters
     ----------
@@ -166,12 +163,28 @@ def in_seconds(path: Path, name: str, t: FloatArray, given: str | None) -> Float
     unit = given or header_unit(name) or _epoch_unit(t)
     if unit is None:
         _ask(path, name, t)
-    return t * TIME_UNITS[unit or "s"]
+    return unit or "s"
 
 
 def _epoch_unit(t: FloatArray) -> str | None:
-    """Return the unit in which the first time is a date of this century after 1970, None if there is none."""
-    return next((unit for unit in ("s", "ms", "us", "ns") if is_epoch(t[:1] * TIME_UNITS[unit])), None)
+    """Return the unit in which the first time is a date of this century, and the rate plausible; None without any."""
+    for unit in ("s", "ms", "us", "ns"):
+        period = _period(t) * TIME_UNITS[unit]
+        if is_epoch(t[:1] * TIME_UNITS[unit]) and period > 0 and plausible_rate(1 / period):
+            return unit
+    return None
+
+
+def plausible_rate(rate: float) -> bool:
+    """Return whether a log of a structure may have a rate [Hz]."""
+    return _SLOWEST <= rate <= _FASTEST
+
+
+def _period(t: FloatArray) -> float:
+    """Return the median step of times, in their unit; 0 if there is none."""
+    step = np.diff(np.where(np.abs(t) < _LATEST, t, np.nan))
+    known = step[np.isfinite(step)]
+    return float(np.median(known)) if len(known) else 0.0
 
 
 def is_epoch(t: FloatArray) -> bool:
@@ -181,11 +194,9 @@ def is_epoch(t: FloatArray) -> bool:
 
 def _ask(path: Path, name: str, t: FloatArray) -> None:
     """Refuse times that cannot be meant as seconds."""
-    step = np.diff(np.where(np.abs(t) < _LATEST, t, np.nan))
-    known = step[np.isfinite(step)]
-    period = float(np.median(known)) if len(known) else 0.0
+    period = _period(t)
     # times that do not increase are reported elsewhere
-    if period < _MIN_PERIOD or _SLOWEST <= 1 / period <= _FASTEST:
+    if period < _MIN_PERIOD or plausible_rate(1 / period):
         return
     rates = {unit: 1 / (period * worth) for unit, worth in TIME_UNITS.items()}
     usual = [f"{unit} ({hertz:.6g} Hz)" for unit, hertz in rates.items() if _SLOWEST <= hertz <= _USUAL]
@@ -203,6 +214,11 @@ def time_remark(name: str, given: str | None) -> str | None:
         return f"times of {name!r} are taken in {given}, by --time-unit, not in {stated}"
     unit = given or stated or "s"
     return f"times of {name!r} are in {unit}" if unit != "s" else None
+
+
+def epoch_remark(name: str, unit: str) -> str:
+    """Return a remark that times are counted from 1970 in a unit."""
+    return f"times of {name!r} are counted from 1970 in {unit}"
 
 
 def date_remark(name: str | None, began: int) -> str:

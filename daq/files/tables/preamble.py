@@ -1,7 +1,9 @@
 """Sampling rate, start time and unit that the lines before a table state."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from daq.files.columns.date_cells import CLOCK, DAY, MOMENT, Dated, date_order, slashed, with_numeric_month
 from daq.files.columns.stated_start import StatedStart, UnclearDate
@@ -56,12 +58,30 @@ def stated_rate(preamble: Sequence[Line]) -> float | None:
     return None
 
 
-def stated_unit(preamble: Sequence[Line]) -> str:
-    """Return the unit that a preamble states for all columns, as `UNITS = Counts`; "" if it states none."""
-    found = (_UNIT.match(text[:_MAX_LENGTH]) for _, text in preamble)
-    return next(
-        (match["unit"].strip("[]() ") for match in found if match and parse_unit(match["unit"].strip("[]() "))), ""
-    )
+@dataclass(frozen=True, kw_only=True)
+class StatedUnit:
+    """Unit that a line of a preamble states, as `UNITS = Counts`."""
+
+    text: str
+    line: int  #: number of the line
+    usable: bool  #: whether it can be only that of the columns; lengths may be those of coordinates
+
+    @property
+    def remark(self) -> str:
+        """Remark for the user of the file, if it is not usable."""
+        return f"unit {self.text!r} in line {self.line} not used: give --unit if it is that of the columns"
+
+
+def stated_unit(preamble: Sequence[Line]) -> StatedUnit | None:
+    """Return the first unit of acceleration, voltage or counts that a preamble states, else the first other one."""
+    found: list[StatedUnit] = []
+    for number, text in preamble:
+        match = _UNIT.match(text[:_MAX_LENGTH])
+        stated = match["unit"].strip("[]() ") if match else ""
+        if (unit := parse_unit(stated)) is not None:
+            usable = unit.quantity not in ("velocity", "displacement")
+            found.append(StatedUnit(text=stated, line=number, usable=usable))
+    return next((unit for unit in found if unit.usable), found[0] if found else None)
 
 
 def _positive(text: str, factor: float) -> float | None:
@@ -75,18 +95,29 @@ def _positive(text: str, factor: float) -> float | None:
 def stated_start(preamble: Sequence[Line], order: str | None) -> StatedStart | UnclearDate | None:
     """Return the start that a preamble states by its first date and its first time of day; None without a date.
 
-    Both may be in one line, after a date alone, too. Of several lines with the same label, the last counts: it is
-    nearer to the rows, as that of a segment of a file.
+    Both may be in one line, after a date alone, too. If lines of a date and of a time of day are repeated, the last of
+    each count where they are later: they are those of a segment of the file.
 
     Parameters
     ----------
     preamble : lines before the table, such as `Datum: 04.05.2026` or `Start time;2026-05-04 10:00:00`
     order : order of day and month in dates as 04/05/2026. Default: the only one that is possible
     """
+    values = [(number, label, value) for number, text in preamble for label, value in _start_values(text)]
+    counts = Counter(label for _, label, _ in values)
+    last = {label: (number, value) for number, label, value in values if counts[label] > 1}
+    first = _start_of([(number, value) for number, _, value in values], order)
+    segment = _start_of(sorted(last.values()), order)
+    if not isinstance(first, StatedStart) or not isinstance(segment, StatedStart):
+        return first
+    return segment if len(last) > 1 and segment.with_clock and segment.time >= first.time else first
+
+
+def _start_of(values: Sequence[tuple[int, str]], order: str | None) -> StatedStart | UnclearDate | None:
+    """Return the start by the first date and the first time of day of numbered values, None without a date."""
     day: tuple[float, int] | None = None
     clock: float | None = None
-    labelled = {label: (number, value) for number, text in preamble for label, value in _start_values(text)}
-    for number, value in sorted(labelled.values()):
+    for number, value in values:
         if slashed(value):
             order = order or date_order([value])
             if order is None:

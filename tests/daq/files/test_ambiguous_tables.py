@@ -44,3 +44,69 @@ def test_line_before_the_rows_names_them(tmp_path: Path, text: str, names: list[
     assert [c.name for c in found.channels] == names
     np.testing.assert_array_equal(found.data, DATA)
     assert found.rate == pytest.approx(rate)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("time,a\n" + "".join(f"{10 * k + 10**9},1\n" for k in range(9)), r"make 0\.1 Hz, .*as ms \(100 Hz\)"),
+        ("t,a\n" + "".join(f"{10_000 * k + 1_500_000_000},1\n" for k in range(9)), r"0\.0001 Hz, .*as us \(100 Hz\)"),
+        ("t,a\n" + "".join(f"{10**7 * k + 10**12},1\n" for k in range(9)), r"1e-07 Hz, .*as ns \(100 Hz\)"),
+        (
+            "Date: 2024-06-01\ntime,made,a\n10:00:00,2020-05-05,1\n10:00:01,2020-05-05,2\n",
+            "expected a number, or a time",
+        ),
+    ],
+)
+def test_times_that_may_be_since_1970_or_not_are_refused(tmp_path: Path, text: str, says: str) -> None:
+    """Times since the start of a computer may be dates in another unit, where the rate is not plausible."""
+    path = tmp_path / "table.csv"
+    path.write_text(text)
+    with pytest.raises(DataError, match=says):
+        read_measured(path, DataOptions())
+
+
+def test_unit_of_times_since_1970_is_reported(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text("time,a\n" + "".join(f"{10 * k + 1_700_000_000_000},1\n" for k in range(9)))
+    found = read_measured(path, DataOptions())
+    assert "times of 'time' are counted from 1970 in ms" in found.remarks
+    assert (found.recording.rate, found.recording.start) == (100.0, 1_700_000_000 * 10**9)
+
+
+@pytest.mark.parametrize(
+    ("names", "row"),
+    [("lag [s],a", "{k},{a}"), ("clock,a", "10:00:{k:02d},{a}"), ("when,a", "2024-01-01 10:00:00,{a}")],
+)
+def test_stated_rate_goes_before_columns_that_may_be_times(tmp_path: Path, names: str, row: str) -> None:
+    path = tmp_path / "table.csv"
+    rows = "".join(row.format(k=k, a=a) + "\n" for k, (a, _) in enumerate(DATA.tolist()))
+    path.write_text(f"Sampling rate: 100 Hz\n{names}\n{rows}")
+    found = read_measured(path, DataOptions()).recording
+    assert ([c.name for c in found.channels], found.rate) == (["a"], 100.0)
+
+
+@pytest.mark.parametrize("name", ["second_floor", "temps", "N", "no", "lifetime", "temporal_x"])
+def test_channels_with_parts_of_names_of_times_are_kept(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(f"time,{name},a\n" + "".join(f"{k / 100:.2f},{k},{a}\n" for k, (a, _) in enumerate(DATA.tolist())))
+    assert [c.name for c in read_measured(path, DataOptions()).recording.channels] == [name, "a"]
+
+
+def test_units_of_lengths_before_a_table_are_not_those_of_the_columns(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(f"Coordinates x,y,z\nUnits: m\ntime,a,b\n{ROWS}")
+    found = read_measured(path, DataOptions())
+    np.testing.assert_array_equal(found.recording.data, DATA)
+    assert "unit 'm' in line 2 not used: give --unit if it is that of the columns" in found.remarks
+    path.write_text(f"Coordinates x,y,z\nUnits: m\nUnit: mm/s2\ntime,a,b\n{ROWS}")
+    found = read_measured(path, DataOptions())
+    np.testing.assert_allclose(found.recording.data, DATA / 1000, rtol=1e-12)
+    assert found.remarks[0] == "from line 3: a, b in mm/s2"
+
+
+@pytest.mark.parametrize("second", ["Date: 2019-03-03", "Date: 2025-03-03", "Date: 2019-03-03\nTime: 09:00:00"])
+def test_date_of_a_calibration_is_not_the_start(tmp_path: Path, second: str) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(f"Date: 2024-06-01\nTime: 10:00:00\n[Calibration]\n{second}\ntime,a,b\n{ROWS}")
+    assert read_measured(path, DataOptions()).recording.start == 1_717_236_000 * 10**9

@@ -64,11 +64,22 @@ Multi_Headings\tYes
 X_Columns\t{columns}
 Time_Pref\tAbsolute
 Operator\tmt
-Date\t2016/12/12
-Time\t09:54:07{point}284627
+Date\t2013/02/18
+Time\t09:54:07,284627
 ***End_of_Header***\t
 \t
 """
+
+
+def labview(version: str, columns: str, names: str, **segment: str) -> str:
+    """Return a file without its rows; `segment` has the values of two channels, which differ for units only."""
+    between, point = ("\t\t", ".") if columns == "Multi" else ("\t", ",")
+    labels = {"Channels": "2", "Samples": "4", "X_Dimension": "Time", "X0": f"0{point}0000000000000000E+0", **segment}
+    order = ("Channels", "Samples", "Date", "Time", "Y_Unit_Label", "X_Dimension", "X0", "Delta_X")
+    rows = [(label, labels[label].split("|")) for label in order]
+    lines = [f"{label}\t{values[0]}{between}{'' if label == 'Channels' else values[-1]}\t" for label, values in rows]
+    head = LVM.format(version=version, columns=columns)
+    return "\n".join([head + lines[0], *lines[1:], "***End_of_Header***" + 2 * between, names, ""])
 
 
 def test_labview_file_with_times_of_each_channel(tmp_path: Path) -> None:
@@ -76,13 +87,8 @@ def test_labview_file_with_times_of_each_channel(tmp_path: Path) -> None:
 
     There are fewer rows than lines of numbers in the preamble, and a file without its last lines is read.
     """
-    text = (
-        LVM.format(version="0.92", columns="Multi", point=",")
-        + "Channels\t2\t\t\t\nSamples\t4\t\t4\t\nDate\t2016/12/13\t\t2016/12/13\t\n"
-        + "Time\t08:00:01,483999\t\t08:00:01,483999\t\nY_Unit_Label\tg\t\tVolts\t\nX_Dimension\tTime\t\tTime\t\n"
-        + "X0\t0.0000000000000000E+0\t\t0.0000000000000000E+0\t\nDelta_X\t0.000250\t\t0.000250\t\n"
-        + "***End_of_Header***\t\t\t\t\nX_Value\tax\tX_Value\tay\tComment\n"
-    )
+    segment = {"Date": "2016/12/13", "Time": "08:00:01,483999", "Y_Unit_Label": "g|Volts", "Delta_X": "0.000250"}
+    text = labview("0.92", "Multi", "X_Value\tax\tX_Value\tay\tComment", **segment)
     rows = [f"{k * 2.5e-4:.6f}\t{a}\t{k * 2.5e-4:.6f}\t{b}" for k, (a, b) in enumerate(DATA[:4].tolist())]
     path = tmp_path / "beam.lvm"
     for n in (2, 4):
@@ -97,14 +103,13 @@ def test_labview_file_with_times_of_each_channel(tmp_path: Path) -> None:
 
 def test_labview_file_with_brackets_in_names_and_units_of_other_quantities(tmp_path: Path) -> None:
     """LabVIEW 2: ladisk/lvm_read, data/short.lvm."""
-    text = (
-        LVM.format(version="2", columns="No", point=",")
-        + "Channels\t2\t\t\nSamples\t10\t10\t\nDate\t2013/02/19\t2013/02/19\t\n"
-        + "Time\t09:51:40,7271890640258789063\t09:51:40,7271890640258789063\t\nY_Unit_Label\tNewtons\tm/s^2\t\n"
-        + "X_Dimension\tTime\tTime\t\nX0\t0,0000000000000000E+0\t0,0000000000000000E+0\t\n"
-        + "Delta_X\t3,906250E-5\t3,906250E-5\t\n***End_of_Header***\t\t\t\n"
-        + "X_Value\tExcitation (Trigger)\tResponse (Trigger)\tComment\n"
-    )
+    segment = {
+        "Date": "2013/02/19",
+        "Time": "09:51:40,7271890640258789063",
+        "Y_Unit_Label": "Newtons|m/s^2",
+        "Delta_X": "3,906250E-5",
+    }
+    text = labview("2", "No", "X_Value\tExcitation (Trigger)\tResponse (Trigger)\tComment", **segment)
     path = tmp_path / "hit.lvm"
     path.write_text(text + "".join(f"\t{a}\t{b}\n".replace(".", ",") for a, b in DATA.tolist()))
     found = read_measured(path, DataOptions())
