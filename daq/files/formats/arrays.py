@@ -10,7 +10,7 @@ import numpy as np
 from daq.errors import DataError
 from daq.files.archive_size import DAMAGED_FILE, check_archive, check_array
 from daq.files.columns.stated_start import StatedStart, UnclearDate
-from daq.files.columns.time_column import time_column
+from daq.files.columns.time_column import plausible_rate, time_column
 from daq.files.formats.mat import read_mat, write_mat
 from daq.files.options import DataOptions
 from daq.files.origin import Origin, parse_origin
@@ -20,7 +20,7 @@ _MAX_CHANNELS = 10_000
 ORIGIN = "origin"  #: array of one text
 _DATA, _NAMES = ("data", "y"), ("channels", "names")
 _RATE = re.compile(r"rate|fs|sampl\w*_?(rate|freq|frequency)", re.IGNORECASE)
-_STEP = re.compile(r"dt|ts|sampl\w*_?(time|interval|period)", re.IGNORECASE)
+_STEP = re.compile(r"dt|ts|sampl\w*_?(interval|period)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +60,10 @@ def write(path: Path, recording: Recording) -> None:
 def read_arrays(path: Path, time: str | None = None, transposed: bool | None = None) -> Arrays:
     """Read signals from arrays.
 
-    Either ``data`` (or ``y``, or the only matrix), (n_samples, n_channels), with ``channels`` (or ``names``; ch1, ch2,
-    ... without) or one array (n_samples,) a channel, named as the sensor; and ``rate`` (or ``fs``, ``SampleRate``, ..)
-    [Hz], its reciprocal ``dt``, or an array `time` (``t`` or ``time``, perhaps with its unit, unless given). A .npy
-    file is ``data`` alone. Fields of a structure are arrays.
+    Either ``data`` (or ``y``, or the only matrix, if no other array is as long), (n_samples, n_channels), with
+    ``channels`` (or ``names``; ch1, ch2, ... without) or one array (n_samples,) per channel, named as the sensor; and
+    ``rate`` (or ``fs``, ``SampleRate``, ..) [Hz], its reciprocal ``dt``, or an array `time` (``t`` or ``time``, perhaps
+    with its unit, unless given). A .npy file is ``data`` alone. Fields of a structure are arrays.
 
     Parameters
     ----------
@@ -81,11 +81,14 @@ def read_arrays(path: Path, time: str | None = None, transposed: bool | None = N
     t_name = time_column(arrays, time) or time or "t"
     rate, t = _rate(path, arrays), arrays.pop(t_name, None)
     data, names = _first(arrays, _DATA), _first(arrays, _NAMES)
-    origin, remarks = _origin(path, arrays), []
-    matrices = [name for name, array in arrays.items() if np.ndim(array) == 2 and min(np.shape(array)) > 1]
-    if data is None and len(matrices) == 1:
-        data = arrays.pop(matrices[0])
-        remarks = [f"channels of the array {matrices[0]!r}"]
+    origin, remarks, left = _origin(path, arrays), [], []
+    matrix = _only_matrix(arrays)
+    if data is None and matrix is not None:
+        data = arrays.pop(matrix)
+        remarks = [f"channels of the array {matrix!r}"]
+        left = [
+            f"{name} {np.shape(array)}" for name, array in arrays.items() if _is_numeric(array) and np.size(array) > 1
+        ]
     if data is None:
         arrays = {name: array.squeeze() for name, array in arrays.items() if array.size > 1}
         lengths = {array.shape for array in arrays.values()}
@@ -108,17 +111,36 @@ def read_arrays(path: Path, time: str | None = None, transposed: bool | None = N
         t=None if t is None else _numbers(path, t_name, t).ravel(),
         t_name=t_name,
         origin=origin,
+        left=tuple(left),
         remarks=tuple(remarks),
     )
+
+
+def _only_matrix(arrays: dict[str, Any]) -> str | None:
+    """Return the name of the matrix of the channels: the only one, and longer than all other arrays; None without."""
+    numeric = {name: np.shape(array) for name, array in arrays.items() if _is_numeric(array) and np.size(array) > 1}
+    matrices = [name for name, shape in numeric.items() if len(shape) == 2 and min(shape) > 1]
+    if len(matrices) != 1:
+        return None
+    n_samples = max(numeric.pop(matrices[0]))
+    return None if any(max(shape) >= n_samples for shape in numeric.values()) else matrices[0]
+
+
+def _is_numeric(array: Any) -> bool:  # noqa: ANN401 - whatever the file holds
+    return np.asarray(array).dtype.kind in "biufc"
 
 
 def _rate(path: Path, arrays: dict[str, Any]) -> float | None:
     """Take the sampling rate [Hz] out of arrays, None if there is none."""
     for kind in (_RATE, _STEP):
         for name, array in arrays.items():
-            if kind.fullmatch(name) and np.size(array) == 1:
-                value = float(_numbers(path, name, arrays.pop(name)).ravel()[0])
-                return value if kind is _RATE or value == 0 else 1 / value
+            flat = np.ravel(array)
+            if not kind.fullmatch(name) or not len(flat) or not np.all(flat == flat[0]):
+                continue
+            value = float(_numbers(path, name, array).ravel()[0])
+            if kind is _RATE or (value > 0 and plausible_rate(1 / value)):
+                del arrays[name]
+                return value if kind is _RATE else 1 / value
     return None
 
 

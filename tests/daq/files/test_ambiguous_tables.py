@@ -110,3 +110,28 @@ def test_date_of_a_calibration_is_not_the_start(tmp_path: Path, second: str) -> 
     path = tmp_path / "table.csv"
     path.write_text(f"Date: 2024-06-01\nTime: 10:00:00\n[Calibration]\n{second}\ntime,a,b\n{ROWS}")
     assert read_measured(path, DataOptions()).recording.start == 1_717_236_000 * 10**9
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ({"north": DATA[:, 0], "fs": 100.0, "positions": np.arange(36.0).reshape(12, 3)}, "positions .12, 3."),
+        ({"t": np.arange(50) / 100, "acc": DATA, "extra": DATA[:, 0]}, "extra .50,."),
+        ({"a": DATA[:, 0], "sampling_time": 60.0}, "neither 'rate' nor 't'"),
+        ({"a": DATA[:, 0], "dt": 60.0}, "neither 'rate' nor 't'"),
+    ],
+)
+def test_arrays_that_may_not_be_the_samples_or_their_step_are_refused(
+    tmp_path: Path, content: dict[str, np.ndarray], says: str
+) -> None:
+    np.savez(tmp_path / "set.npz", **content)  # type: ignore[arg-type]
+    with pytest.raises(DataError, match=says):
+        read_measured(tmp_path / "set.npz", DataOptions())
+
+
+def test_rates_of_each_channel_and_arrays_that_are_left_out(tmp_path: Path) -> None:
+    np.savez(tmp_path / "set.npz", acc=DATA, rate=np.array([100.0, 100.0]), floors=np.arange(3.0))
+    found = read_measured(tmp_path / "set.npz", DataOptions())
+    np.testing.assert_array_equal(found.recording.data, DATA)
+    assert found.recording.rate == 100.0
+    assert found.remarks == ("channels of the array 'acc'", "columns left out: floors (3,)")
