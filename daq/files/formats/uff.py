@@ -28,6 +28,7 @@ from daq.types import Channel, FloatArray, Recording
 _TIME_RESPONSE = 1
 _UNKNOWN, _GENERAL, _ACCELERATION = 0, 1, 12
 _UNITS = {_UNKNOWN: "", _GENERAL: "", 8: "m", 11: "m/s", _ACCELERATION: ""}  # of data types, once in metres; "" is m/s2
+_QUANTITIES = {8: "displacement", 11: "velocity", _ACCELERATION: "acceleration"}  # general data are of any quantity
 _KINDS = {9: "reaction force", 13: "excitation force", 15: "pressure", 5: "temperature"}
 _NO_UTF8 = "\ufffd"  # pyuff reads a ² of other encodings so
 _TIME = 17  # of an abscissa [s]
@@ -58,8 +59,8 @@ def read_universal(path: Path, wanted: Collection[str] | None = None, order: str
 
     A channel is named after its node and direction, ``12_x`` or ``12_-y``, preceded by the entity if the file has one
     (``tower_12_x``); if nodes are not unique, after the first ID line. Lengths are converted to metres according to
-    dataset 164, or to the label of the unit in a file without it. The start is the earliest date of ID line 3, which
-    states when a function was made (``30-Jul-08 10:11:12``).
+    dataset 164, or to the label of the unit in a file without it, if it is one of the data type; other labels are in a
+    remark. The start is the earliest date of ID line 3, which states when a function was made (``30-Jul-08 10:11:12``).
 
     Parameters
     ----------
@@ -84,7 +85,7 @@ def read_universal(path: Path, wanted: Collection[str] | None = None, order: str
     chosen = [i for i, name in enumerate(names) if wanted is None or name in wanted]
     columns = [_column(path, *series[i], names[i]) for i in chosen]
     in_metres = any(s["type"] == SI_UNITS["type"] for _, s in sets)
-    labels = [_label(s, in_metres=in_metres) for _, s in series]
+    labels = ["" if in_metres else _usable_label(s) for _, s in series]
     _check_same(path, [series[i] for i in chosen])
     rate = 1 / series[chosen[0]][1]["abscissa_inc"] if chosen else None
     return Arrays(
@@ -100,6 +101,7 @@ def read_universal(path: Path, wanted: Collection[str] | None = None, order: str
             labels[i] or _UNITS.get(int(series[i][1]["ordinate_spec_data_type"]), "")
             for i in chosen or range(len(names))
         ),
+        remarks=_unused_labels([(names[i], series[i][1]) for i in chosen if not labels[i]], length),
     )
 
 
@@ -188,15 +190,31 @@ def _names(path: Path, series: Sequence[tuple[int, Dataset]]) -> list[str]:
     raise DataError(path, f"datasets {places}: expected different channels, found {twice!r} in each")
 
 
-def _label(series: Dataset, *, in_metres: bool) -> str:
-    """Return the label of the unit of the data where it is their unit, "" where that is stated otherwise.
-
-    Dataset 164 states the unit of lengths. It states none of general data, such as voltages and strains.
-    """
+def _label(series: Dataset) -> str:
+    """Return the label of the unit of the data, "" without one."""
     label = str(series["ordinate_axis_units_lab"]).strip().replace(_NO_UTF8, "²")
-    if int(series["ordinate_spec_data_type"]) in (_UNKNOWN, _GENERAL):
-        return "" if label.upper() in ("", "NONE") else label
-    return label if not in_metres and parse_unit(label) else ""
+    return "" if label.upper() == "NONE" else label
+
+
+def _usable_label(series: Dataset) -> str:
+    """Return the label of the unit of the data if it is a unit of their type, else ""."""
+    label, kind = _label(series), int(series["ordinate_spec_data_type"])
+    unit = parse_unit(label)
+    return label if unit is not None and _QUANTITIES.get(kind, unit.quantity) == unit.quantity else ""
+
+
+def _unused_labels(series: Sequence[tuple[str, Dataset]], length: float) -> tuple[str, ...]:
+    """Return a remark on labels that differ from the units taken, for lengths per metre; nothing without any."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for name, s in series:
+        label, quantity = _label(s), _QUANTITIES.get(int(s["ordinate_spec_data_type"]), "acceleration")
+        unit = parse_unit(label)
+        same = unit is not None and unit.quantity == quantity and abs(unit.factor * length - 1) < _SAME
+        if label and not same:
+            found.setdefault((label, quantity), []).append(name)
+    listed = "; ".join(f"{label!r} of {', '.join(names)} ({quantity})" for (label, quantity), names in found.items())
+    taken = "lengths of dataset 164" if length != 1 else "metres"
+    return (f"labels of units not used: {listed}, taken in {taken} and seconds",) if listed else ()
 
 
 def _column(path: Path, number: int, series: Dataset, name: str) -> FloatArray:

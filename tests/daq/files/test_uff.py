@@ -65,6 +65,27 @@ def test_units_are_applied_to_chosen_columns(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.data, SIGNALS[:, [0, 2]] / 1000, atol=1e-14)
 
 
+@pytest.mark.parametrize(
+    ("kind", "label", "converted", "factor", "used"),
+    [
+        (1, "mg", False, 9.80665e-3, True),
+        (12, "mm/s2", False, 1e-3, True),
+        (12, "mm/s2", True, 1e-3, True),  # as dataset 164 states
+        (0, "m/s2", True, 1e-3, False),
+        *((kind, label, False, 1.0, False) for kind in (0, 1, 12) for label in ("EU", "G's", "m/s2 rms")),
+        *((12, label, False, 1.0, False) for label in ("V", "mm")),
+    ],
+)
+def test_labels_are_used_if_they_are_units_of_the_data_type(
+    tmp_path: Path, kind: int, label: str, converted: bool, factor: float, used: bool
+) -> None:
+    """Others are in a remark, and the data are taken as without a label."""
+    response = time_response(SIGNALS[:, 0], ordinate_spec_data_type=kind, ordinate_axis_units_lab=label)
+    found = read_measured(universal(tmp_path / "test.uff", *[UNITS] * converted, response), DataOptions())
+    np.testing.assert_allclose(found.recording.data[:, 0], factor * SIGNALS[:, 0], rtol=1e-9, atol=1e-11)
+    assert any("labels of units not used" in remark for remark in found.remarks) is not used
+
+
 def test_channels_with_equal_nodes_are_named_by_id_line(tmp_path: Path) -> None:
     path = universal(tmp_path / "test.uff", *(time_response(s, 0, 0, id1=f"acc {k}") for k, s in enumerate(SIGNALS.T)))
     assert [c.name for c in read_data(path).channels] == ["acc 0", "acc 1", "acc 2"]
