@@ -14,9 +14,16 @@ from monitor.errors import SettingsError
 from monitor.rig import RigEvent, Scenario, load_scenario, run_rig, shipped_scenarios
 from monitor.rig.process import SHIPPED, load_rig_structure
 from updater import t_structure_toml
+from updater.quantities import Opens
 
 _STRUCTURE = "t_structure.toml"  # copy of the shipped structure, next to the site
 _WINDOW, _BASELINE = 40.0, 12  # s; a baseline within 8 minutes
+_OPENS: dict[Opens, str] = {
+    "above": "has a crack that opens above {}",
+    "below": "has a crack that opens below {}",
+    "within": "has play within {} on both sides",
+    "beyond": "opens beyond {} on both sides",
+}
 
 
 def play_rig(scenario: str, *, speed: float, ports: Path, report: Path, site: Path | None, force: bool) -> int:
@@ -79,7 +86,8 @@ def _devices(scenario: Scenario, found: dict[str, object]) -> Table:
 def _event_text(event: RigEvent) -> str:
     if event.crack:
         crack = event.crack
-        return f"the {crack.member} cracks {crack.distance:g} m from its start; it opens about local {crack.axis}"
+        at = f"{crack.distance:g} m from its start, about local {crack.axis}"
+        return f"the {crack.member} {_OPENS[crack.opens].format(f'{crack.moment:g} N m')}, {at}"
     assert event.body
     at = ", ".join(f"{x:g}" for x in event.body.at)
     return f"a body of {1000 * event.body.mass:.0f} g is added at ({at}) m"

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from monitor.cli.demo.rig import SCENARIOS
+from monitor.cli.demo.rig_output import _event_text
 from monitor.errors import SettingsError
 from monitor.rig import Scenario, draw_t_frame, dump_scenario, load_scenario, shipped_scenarios
 from monitor.rig.process import load_rig_structure
@@ -168,3 +169,15 @@ def test_shipped_scenarios_are_those_of_the_command_and_can_be_played() -> None:
         scenario = load_scenario(path)
         assert load_rig_structure(path, scenario).sensor
     assert [len(load_scenario(shipped_scenarios()[name]).event) for name in SCENARIOS] == [1, 1, 1, 1, 0, 2]
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("breathing-crack", "the column has a crack that opens above 0 N m, 0.3 m from its start, about local y"),
+        ("play-in-foot", "the column has play within 0.006 N m on both sides, 0 m from its start, about local y"),
+    ],
+)
+def test_cracks_and_play_are_announced_by_their_law(name: str, text: str) -> None:
+    (event,) = load_scenario(shipped_scenarios()[name]).event
+    assert _event_text(event) == text
