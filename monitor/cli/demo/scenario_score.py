@@ -10,13 +10,16 @@ from rich.table import Table
 
 from monitor.results.windows import AlarmResult, Result, WindowResult
 from monitor.rig import RigEvent
-from monitor.rig.scenario import Vector
+from monitor.rig.scenario import RigCrack, Vector
 from monitor.text.causes import breathing_text, cause_text
 from updater import Cause, Structure
+from updater.quantities import Breathing
 
 PLACE = 0.10  #: m: tolerance of a correct place ..
 SIGMAS = 3.0  #: .. or so many of its own deviations
 MASS = 0.15  #: tolerance of a correct mass, relative, or so many deviations; a share has its deviations alone
+
+_LOSSES = {"local_stiffness", "support_stiffness", "joint_stiffness"}  # causes that a crack, or play, may be
 
 
 @dataclass(frozen=True)
@@ -44,8 +47,8 @@ def score_events(structure: Structure, events: Sequence[RigEvent], found: Sequen
     scored = []
     for event in events:
         at = _place(structure, event)
-        name = "added_mass" if event.body else "local_stiffness"
-        near = sorted((c for c in left if c.cause == name), key=lambda c: distance(c, at))
+        names = {"added_mass"} if event.body else _LOSSES
+        near = sorted((c for c in left if c.cause in names), key=lambda c: distance(c, at))
         cause = near[0] if near else None
         if cause:
             left.remove(cause)
@@ -114,17 +117,35 @@ def _body(event: RigEvent, cause: Cause | None) -> tuple[str, str, bool]:
 
 
 def _crack(event: RigEvent, cause: Cause | None) -> tuple[str, str, bool]:
-    """Return the true share that is absent while it is closed, the error of the answer, and whether it is stated."""
+    """Return the true flexibilities, the error of the answer, and whether it is stated and within its deviations.
+
+    Of a crack that is open half of the time, the true share that is absent while it is closed is known. Otherwise, the
+    flexibilities and the moment are compared, which do not depend on the time.
+    """
     assert event.crack
-    found = cause.breathing if cause else None
-    half = event.crack.opens in ("above", "below") and event.crack.moment == 0
-    open_time = 0.5 if half or found is None or found.open_time is None else found.open_time.value
-    mean = open_time * event.crack.flexibility + (1 - open_time) * event.crack.closed
-    share = open_time * (event.crack.flexibility - event.crack.closed) / mean
-    when = "half of the time" if half else f"{event.crack.opens} a moment of {event.crack.moment:.3g} N m"
-    truth = f"{100 * share:.0f} % of the flexibility absent while closed, open {when},"
+    found, crack = cause.breathing if cause else None, event.crack
+    if crack.opens in ("within", "beyond") or crack.moment != 0:
+        return _opening(crack, found)
+    share = (crack.flexibility - crack.closed) / (crack.flexibility + crack.closed)
+    truth = f"{100 * share:.0f} % of the flexibility absent while closed, open half of the time,"
     if found is None:
         return truth, "not tested", False
     off = found.share.value - share
     right = found.significant and abs(off) <= SIGMAS * found.share.std
     return truth, f"{100 * off:+.0f} %", right
+
+
+def _opening(crack: RigCrack, found: Breathing | None) -> tuple[str, str, bool]:
+    """Return the true flexibilities and moment, the errors of the answer, and whether they are within deviations."""
+    truth = (
+        f"{1000 * crack.flexibility:.3g} mm while open, {1000 * crack.closed:.3g} mm while closed, "
+        f"open {crack.opens} a moment of {crack.moment:.3g} N m,"
+    )
+    opening = found.opening if found else None
+    if opening is None:
+        return truth, "opening not stated" if found else "not tested", False
+    stated = {name: getattr(opening, name) for name in ("flexibility", "closed", "moment")}
+    off = {name: quantity.value - getattr(crack, name) for name, quantity in stated.items()}
+    error = f"{1000 * off['flexibility']:+.2g} mm open, {1000 * off['closed']:+.2g} mm closed, {off['moment']:+.2g} N m"
+    inside = all(abs(off[name]) <= SIGMAS * quantity.std for name, quantity in stated.items())
+    return truth, error, inside and opening.opens == crack.opens

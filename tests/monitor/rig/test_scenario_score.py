@@ -11,7 +11,7 @@ from monitor.rig import load_scenario, shipped_scenarios
 from tests.support.monitor import answers
 from tests.support.monitor import results as made
 from updater import Cause, parse_structure, t_structure_toml
-from updater.quantities import Breathing, Quantity, Where
+from updater.quantities import Breathing, Opening, Opens, Quantity, Where
 
 SITE = made.Site()
 STRUCTURE = parse_structure(t_structure_toml())
@@ -36,6 +36,33 @@ def loss(z: float, p_value: float) -> Cause:
     )
 
 
+def play(flexibility: float = 0.0148, opens: Opens = "within", *, stated: bool = True) -> Cause:
+    """Return play in the foot of the column, with deviations of 1 mm and 1 mN m."""
+
+    def found(value: float, unit: str) -> Quantity:
+        return Quantity(value=value, std=1e-3, unit=unit)
+
+    opening = Opening(
+        member="column",
+        position=(0.0, 0.0, 0.0),
+        axis="y",
+        flexibility=found(flexibility, "m"),
+        closed=found(1e-3, "m"),
+        mean=found(0.01, "m"),
+        moment=found(5.8e-3, "N m"),
+        opens=opens,
+    )
+    share = Quantity(value=0.9, std=0.05, unit="-")
+    breathing = Breathing(share=share, open_time=share, p_value=1e-9, opening=opening if stated else None)
+    return Cause(
+        cause="support_stiffness",
+        probability=0.9,
+        where=Where(name="foot of the column", position=(0.0, 0.0, 0.0)),
+        parameters={},
+        breathing=breathing,
+    )
+
+
 def right(name: str, *causes: Cause) -> list[bool]:
     """Return whether each event, and each cause without one, is right."""
     window = SITE.window(0, "alarm", np.zeros(SITE.n_modes))
@@ -55,6 +82,10 @@ def right(name: str, *causes: Cause) -> list[bool]:
         ("breathing-crack", (loss(0.32, 1e-9),), [True]),
         ("breathing-crack", (loss(0.32, 0.2),), [False]),
         ("breathing-crack", (loss(0.6, 1e-9),), [False]),
+        ("play-in-foot", (play(),), [True]),
+        ("play-in-foot", (play(flexibility=0.0185),), [False]),
+        ("play-in-foot", (play(opens="beyond"),), [False]),
+        ("play-in-foot", (play(stated=False),), [False]),
         ("quiet", (), [True]),
     ],
 )
