@@ -96,7 +96,9 @@ class AmbientResponse:
     Forces are constant over a sample (zero-order hold), for which the recursion of each mode, z' = exp(lambda dt) z +
     (exp(lambda dt) - 1)/lambda f, is exact. The model may be changed during the motion: displacements and velocities
     continue, accelerations jump, as they do when a body is clamped on. With a crack, the recursion of all modes
-    together is exact as long as the crack is open, or closed; a sample in which it opens or closes is divided there.
+    together is exact as long as the crack is open, or closed. A sample that ends on another side of the moment is
+    divided at the nearest of 16 parts to where a moment that changes linearly opens or closes it; with play, at both
+    moments if it passes both. An opening that begins and ends within one sample is not seen.
 
     Parameters
     ----------
@@ -200,8 +202,7 @@ class _CrackedModes:
                 after += side * shift
             reached, turned = self._side(after)
             if reached != side:
-                part = round(_PARTS * (self._opens * (side or reached) - moment) / (turned - moment))
-                after = self._stepped(self._stepped(now, own, side, part), own, reached, _PARTS - part)
+                after = self._divided(now, own, (side, reached), (moment, turned))
                 reached, turned = self._side(after)
             now, side, moment = after, reached, turned
             _, rates, constant = self._sides[abs(side)]
@@ -213,6 +214,19 @@ class _CrackedModes:
         """Return 1 on the far side of its moment, -1 on that of the opposite moment, else 0; and a^T q."""
         moment = float(self._action @ state[: len(self._action)])
         return int(moment > self._opens) - int(self._two_sided and moment < -self._opens), moment
+
+    def _divided(
+        self, state: FloatArray, force: FloatArray, sides: tuple[int, int], moments: tuple[float, float]
+    ) -> FloatArray:
+        """Return the state after a sample that begins and ends on other sides, divided at each moment in between."""
+        side, last = sides
+        done, further = 0, 1 if last > side else -1
+        while side != last:
+            limit = self._opens * (side or further)
+            part = round(_PARTS * (limit - moments[0]) / (moments[1] - moments[0]))
+            state = self._stepped(state, force, side, part - done)
+            side, done = side + further, part
+        return self._stepped(state, force, side, _PARTS - done)
 
     def _stepped(self, state: FloatArray, force: FloatArray, side: int, parts: int) -> FloatArray:
         """Return the state after parts of a sample on one side."""
