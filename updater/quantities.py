@@ -15,6 +15,7 @@ Law = Literal["one_side", "within", "beyond"]
 
 ECCENTRIC = 3.0  #: standard deviations from which the offset of a body from its member's axis is reported
 SIGNIFICANT = 2.0  #: standard deviations by which a reported parameter differs from its value before, at least
+ONE_SIDED_95 = 1.645  #: standard deviations of a one-sided bound of 95 %
 BREATHES = 1e-3  #: p value below which a place opens and closes
 FREQUENCY_STD = 2e-3  #: error of a beam model in ln f, for any parameters
 GAIN_STD = 0.01  #: usual error of the gain of an accelerometer, by data sheets
@@ -98,7 +99,9 @@ class NonlinearGain(PlainValue):
 class Breathing(PlainValue):
     """Closing of a crack or a connection that is softer under some moments than under others."""
 
-    share: Quantity  #: share of the mean added flexibility that is absent while the crack is closed [-]
+    #: share of the mean added flexibility that is absent while the crack is closed; if it does not open and close, by
+    #: the law with the larger bound [-]
+    share: Quantity
     open_time: Quantity | None  #: share of the time in which it is open; None if it does not open and close [-]
     p_value: float  #: probability of an equal or larger nonlinear part of a linear structure
     law: Law | None = None  #: moments under which it is open; None if it does not open and close
@@ -109,6 +112,11 @@ class Breathing(PlainValue):
     def significant(self) -> bool:
         """True if it opens and closes."""
         return self.p_value < BREATHES
+
+    @property
+    def upper_share(self) -> float:
+        """One-sided bound of 95 % of the share [-]."""
+        return self.share.value + ONE_SIDED_95 * self.share.std
 
 
 class ParameterChange(PlainValue):

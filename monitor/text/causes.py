@@ -16,6 +16,7 @@ from updater.diagnosis import CalibrationSummary, Failed, FittedCause, Pair
 from updater.quantities import (
     ECCENTRIC,
     FREQUENCY_STD,
+    ONE_SIDED_95,
     Breathing,
     Law,
     NonlinearGain,
@@ -33,7 +34,6 @@ _SPOKEN = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180 / math.pi, "deg
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (0.0, ""))  # of forces and stiffness
 _FINE_PREFIXES = ((1e-1, 1.0, ""), (1e-4, 1e3, "m"), (1e-7, 1e6, "µ"), (0.0, 1e9, "n"))  # of flexibilities per kN
 _OPEN = 0.5  # standard deviation of a stiffness over itself: from there on it may be infinite
-_BOUND = 1.645  # standard deviations of a one-sided bound of 95 %
 _BY_MODES = "decided by the signals: by the modes alone, another cause or no change is more probable"
 _LAWS: dict[Law, str] = {
     "one_side": "it opens and closes",
@@ -248,7 +248,7 @@ def change_texts(change: ParameterChange, least: float | None = None) -> tuple[s
     The unit is that of `least`, the smallest of several values, if given. Of a stiffness that may be infinite, such as
     that of a locked bearing, whose flexibility is Gaussian, only a lower bound is known: `over 12.7 MN m/rad (95 %)`.
     """
-    bound = change.after / (1 + _BOUND * change.std / change.after) if change.after > 0 else change.after
+    bound = change.after / (1 + ONE_SIDED_95 * change.std / change.after) if change.after > 0 else change.after
     open_above = change.unit.startswith("N") and change.std > _OPEN * change.after
     shown = bound if open_above else change.after
     size, prefix = next(pair for pair in _PREFIXES if abs(shown if least is None else least) >= pair[0])
@@ -322,8 +322,8 @@ def _opening_text(found: Breathing | None) -> str:
         absent = f"{share} % of the added flexibility is absent while it is closed"
         law = _LAWS[found.law or "one_side"]
         return f"{law}: open {open_time} % of the time; {absent}{_heldout_text(found.heldout)}"
-    if found.share.value + _BOUND * found.share.std < _CONSTANT:
-        return f"it does not open and close: under one sign of the load, the added flexibility is {share} % less"
+    if found.upper_share < _CONSTANT:
+        return f"it does not open and close, and has no play: {share} % of the added flexibility is absent at times"
     return ""
 
 

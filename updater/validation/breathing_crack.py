@@ -113,7 +113,7 @@ def breathing(
 
 
 def _most_probable_law(place: LossTests, tests: Sequence[ActionTest], n_tests: int, std: float) -> "_Posterior":
-    """Return the posterior of the law that is more probable, or of one side where nothing is significant.
+    """Return the posterior of the law that is more probable; of the larger share where nothing is significant.
 
     Parameters
     ----------
@@ -125,12 +125,11 @@ def _most_probable_law(place: LossTests, tests: Sequence[ActionTest], n_tests: i
     usual = [test.against(place.before(test)) for test in best]
     noise = min(test.spread for test in best)  # the products of a law that does not hold scatter more
     p_value = min(1.0, n_tests * min(p for _, _, p in usual))
-    n_laws = len(laws) if p_value < BREATHES else 1
     found = [
         _Posterior.of(own, (bias, of_bias), p_value, std, noise)
-        for own, (bias, of_bias, _) in zip(laws[:n_laws], usual, strict=False)
+        for own, (bias, of_bias, _) in zip(laws, usual, strict=True)
     ]
-    return max(found, key=lambda posterior: posterior.log_evidence)
+    return max(found, key=lambda one: one.log_evidence if one.closes else one.breathing.upper_share)
 
 
 def _opening(
@@ -142,15 +141,17 @@ def _opening(
 ) -> Opening | None:
     """Return the moment that opens the place; None if it is not one of a member."""
     position, std = cause.where(part).position, 1 / cause.deviations(part)
-    here = [test for test in tests if test.at_best and test.symmetric == posterior.best.test.symmetric]
-    if position is None or not here:
+    best, law = posterior.best.test, posterior.breathing.law
+    kind = best.symmetric, best.action.axis
+    test = next((one for one in tests if one.at_best and (one.symmetric, one.action.axis) == kind), None)
+    if position is None or test is None:
         return None
-    test = max(here, key=lambda one: one.log_density)
     found = member_moment(reference, cause.comparison, position, test.action.value)
     if found is None:
         return None
     share, open_time = posterior.breathing.share, posterior.breathing.open_time
     assert open_time
+    assert law
     mean = found.coefficient**2 * test.action.relief
     of_moment = test.moment_std * found.root_rigidity / (abs(found.coefficient) * test.action.relief)
     more = (1 - posterior.part) / posterior.part
@@ -168,7 +169,7 @@ def _opening(
         closed=Quantity(value=closed, std=float(np.hypot(share.std * mean, std * closed)), unit="m"),
         mean=Quantity(value=mean, std=std * mean, unit="m"),
         moment=Quantity(value=sign * threshold * of_moment, std=of_threshold * of_moment, unit="N m"),
-        opens=opens[test.law(posterior.bias)],
+        opens=opens[law],
     )
 
 
@@ -261,39 +262,40 @@ class _Posterior:
         """
         closes = p_value < BREATHES
         thresholds = _OF_BOTH_SIDES if tests[0].symmetric else _THRESHOLDS
-        grid = list(itertools.product(thresholds if closes else (0.0,), range(len(UNKNOWN))))
+        grid = list(itertools.product(thresholds if closes else (tests[0].usual_threshold,), range(len(UNKNOWN))))
         most = max(test.log_density for test in tests)
         cells = [(test, *values) for test in tests if test.log_density > most - PROBABLE for values in grid]
-        log, share, variance, often, part = np.array([test.fitted(*bias, *values) for test, *values in cells]).T
+        gain, width, share, variance, often, part = np.array([test.fitted(*bias, *values) for test, *values in cells]).T
         variance += (std**2 + _MODEL_STD**2) * share**2
         prior = np.array([test.prior + UNKNOWN_LOG_DENSITY[unknown] for test, _, unknown in cells])
-        scatter = np.array([test.spread for test, _, _ in cells])
+        more_noise = noise / np.array([test.spread for test, _, _ in cells])
+        log = prior + gain + np.log(width)  # the integral over the share, whose density is uniform
         if closes:
             log, share, variance = _within_bounds(log, share, variance)
-        alike = prior + (log - prior) * scatter / noise
+        alike = log + gain * (1 / more_noise - 1) + 0.5 * np.log(more_noise)
         log_evidence = float(scipy.special.logsumexp(alike)) - np.log(len(grid))
         weight = np.exp(log - log.max())
         weight /= weight.sum()
         mean, open_time = float(weight @ share), float(weight @ often)
         spread = float(weight @ (variance + (share - mean) ** 2))
         cell = float(np.ptp(thresholds)) / (len(thresholds) - 1)
-        side = tests[0].side(bias[0])
-        resolved = cell * tests[0].open_time_slope(0.5, side)
-        # a shift of m0 by a share of the moment's deviation changes the nonlinear part by about the same share of it
-        of_model = _MODEL_STD * tests[0].open_time_slope(open_time, side)
-        of_time = float(weight @ (often - open_time) ** 2 + resolved**2 / 12 + of_model**2) ** 0.5
-        whole = np.array([test.whole(unknown) for test, _, unknown in cells])
-        opens = whole * [threshold for _, threshold, _ in cells]
-        threshold = float(weight @ opens)
         best = int(np.argmax(weight))
         test, opening, unknown = cells[best]
-        size = test.side(bias[0]) * float(share[best] / (part[best] * test.action.relief))
+        side = test.side(bias[0])
+        resolved = cell * test.open_time_slope(0.5, side)
+        # a shift of m0 by a share of the moment's deviation changes the nonlinear part by about the same share of it
+        of_model = _MODEL_STD * test.open_time_slope(open_time, side)
+        of_time = float(weight @ (often - open_time) ** 2 + resolved**2 / 12 + of_model**2) ** 0.5
+        whole = np.array([own.whole(number) for own, _, number in cells])
+        opens = whole * [threshold for _, threshold, _ in cells]
+        threshold = float(weight @ opens)
+        size = side * float(share[best] / (part[best] * test.action.relief))
         return cls(
             breathing=Breathing(
                 share=Quantity(value=mean, std=spread**0.5, unit="-"),
                 open_time=Quantity(value=open_time, std=of_time, unit="-") if closes else None,
                 p_value=p_value,
-                law=tests[0].law(bias[0]) if closes else None,
+                law=test.law(bias[0]) if closes else None,
             ),
             bias=bias[0],
             threshold=(

@@ -9,6 +9,7 @@ Price, R. (1958). A useful theorem for nonlinear devices having Gaussian inputs.
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy  # its parts at their first use
@@ -45,6 +46,17 @@ _SYMMETRIC = 1.0  # threshold over the standard deviation of the moment, at whic
 _LEAST_UNKNOWN = 0.05  # standard deviation of r over that of s, at least
 
 Loss = LocalStiffness | Springs  #: causes that may open and close
+
+
+class ShareFit(NamedTuple):
+    """Share of the mean flexibility that is absent while a place is closed, at a threshold."""
+
+    log_ratio: float  #: log likelihood of the share less that of none [-]
+    width: float  #: standard deviation of the share by the signals alone [-]
+    share: float
+    variance: float  #: of the share, with that of the size without a loss
+    open_time: float  #: share of the time
+    part: float  #: part of the flexibility while open that the mean contains; for Gaussian moments, `open_time`
 
 
 @dataclass(frozen=True, eq=False)
@@ -421,9 +433,14 @@ class ActionTest:
         found = ActionTest(window, state, modal_motion, self.action)
         return found.of_both_sides() if self.symmetric else found
 
+    @property
+    def usual_threshold(self) -> float:
+        """Threshold at which the law is tested, over the standard deviation of the moment."""
+        return _SYMMETRIC if self.symmetric else 0.0
+
     def _estimate(self) -> None:
         """Estimate the size at the usual threshold."""
-        along, weight, _ = self._fit(_SYMMETRIC if self.symmetric else 0.0, self._unknown)
+        along, weight, _ = self._fit(self.usual_threshold, self._unknown)
         self._size = float(along.sum() / weight.sum())
         scatter = float(((along - self._size * weight) ** 2).sum()) * BLOCKS / (BLOCKS - 1)
         self.spread = scatter / float(weight.sum())  #: variance of the product over the expected one
@@ -487,13 +504,8 @@ class ActionTest:
         """Return the gain of log likelihood in blocks."""
         return float(2 * size * along.sum() - size**2 * weight.sum()) / (2 * self.spread)
 
-    def fitted(
-        self, bias: float, of_bias: float, threshold: float, unknown: int
-    ) -> tuple[float, float, float, float, float]:
-        """Return the log density, the share of the mean flexibility and its variance, and the time when open.
-
-        The last value is the part of the flexibility while open that the mean contains; for Gaussian moments, it is
-        that time.
+    def fitted(self, bias: float, of_bias: float, threshold: float, unknown: int) -> ShareFit:
+        """Return the share of the mean flexibility that is absent while it is closed, and its likelihood.
 
         Parameters
         ----------
@@ -508,9 +520,9 @@ class ActionTest:
         if self.symmetric and side < 0:
             part, open_time = 1 - part, 1 - open_time
         scale = part * self.action.relief
-        log = self.prior + float(UNKNOWN_LOG_DENSITY[unknown]) + 0.5 * along**2 / (self.spread * weight)
-        share, variance = side * scale * (along / weight - bias), scale**2 * (self.spread / weight + of_bias)
-        return log, share, variance, open_time, part
+        gain, own = 0.5 * along**2 / (self.spread * weight), self.spread / weight
+        share, variance = side * scale * (along / weight - bias), scale**2 * (own + of_bias)
+        return ShareFit(gain, scale * float(np.sqrt(own)), share, variance, open_time, part)
 
     def open_time_slope(self, open_time: float, side: float) -> float:
         """Return how fast the share of the time in which it is open changes with the threshold [-]."""

@@ -1,0 +1,63 @@
+"""Law, side and evidence of a place whose actions differ in their effect."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import integrate
+
+from updater.quantities import BREATHES, Breathing, Law
+from updater.validation.breathing_crack import _Posterior
+from updater.validation.nonlinear_part import ActionTest, ShareFit
+
+
+class KnownTest(ActionTest):
+    """Test with a known likelihood: log ratio, share and deviation are the same at all thresholds."""
+
+    def __init__(
+        self, size: float, log_ratio: float, *, share: float = 0.9, width: float = 0.1, spread: float = 1.0
+    ) -> None:
+        self.symmetric, self.prior, self.spread, self.log_density = True, 0.0, spread, log_ratio
+        self.action: Any = SimpleNamespace(relief=1.0)
+        self._size, self._unknown = size, 0.1
+        self._fitted = ShareFit(log_ratio, width, share, width**2, 0.7, 0.7)
+
+    def fitted(self, *_: float) -> ShareFit:
+        """Return the known likelihood."""
+        return self._fitted
+
+
+def posterior(*tests: KnownTest, noise: float = 1.0) -> _Posterior:
+    """Return the posterior of tests that are significant, without errors of the model of the mean."""
+    return _Posterior.of(tests, (0.0, 0.0), BREATHES / 10, 0.0, noise)
+
+
+@pytest.mark.parametrize(("size", "law"), [(-1.0, "within"), (1.0, "beyond")])
+def test_law_is_that_of_the_action_with_an_effect(size: float, law: Law) -> None:
+    """The first action has none: the sign of its noise is opposite."""
+    found = posterior(KnownTest(-0.01 * size, 0.1, share=0.05), KnownTest(size, 9.0))
+    assert found.breathing.law == law
+    assert found.best.test.law(found.bias) == law
+    assert np.sign(found.best.size) == size
+
+
+@pytest.mark.parametrize("noise", [1.0, 0.5])
+def test_evidence_of_a_law_is_the_integral_over_the_share(noise: float) -> None:
+    """Ratio of the evidence of two laws, with the noise in common; the share is far from its bounds."""
+    sharp, flat = KnownTest(1.0, 5.0, share=0.5, width=0.02), KnownTest(1.0, 5.0, share=0.5, width=0.06, spread=2.0)
+    found = posterior(sharp, noise=noise).log_evidence - posterior(flat, noise=noise).log_evidence
+
+    def likelihood(test: KnownTest, share: float) -> float:
+        fitted, more = test.fitted(), noise / test.spread
+        return float(np.exp((fitted.log_ratio - 0.5 * ((share - fitted.share) / fitted.width) ** 2) / more))
+
+    parts = [integrate.quad(lambda s, t=test: likelihood(t, s), 0, 1, points=[0.5])[0] for test in (sharp, flat)]
+    assert found == pytest.approx(np.log(parts[0] / parts[1]), abs=1e-2)
+
+
+def test_bound_of_the_share() -> None:
+    """The fit of a normal distribution has 95 % below it."""
+    share = {"value": 0.1, "std": 0.05, "unit": "-"}
+    found = Breathing.model_validate({"share": share, "open_time": None, "p_value": 0.5})
+    assert found.upper_share == pytest.approx(0.1 + 1.645 * 0.05)
