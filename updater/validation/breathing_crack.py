@@ -53,8 +53,7 @@ _APART = 0.015  # of the longest member: distance of places that are tried
 _MAX_PLACES = 12
 _TRIED = 2000  # alternatives, the most probable first
 _MODEL_STD = 0.1  # of the nonlinear part, relative: moments that are not Gaussian, errors of shapes (simulated cracks)
-#: of the share of a place that opens on both sides, relative, beyond its own deviation: it is too small, as the law is of
-#: first order (25 simulated draws, docs/explanation/diagnosis/play.md)
+# of the share of a place that opens on both sides, relative: the nonlinear part is of first order (25 simulated draws)
 _SYMMETRIC_STD = 0.35
 _THRESHOLDS = np.linspace(-1.5, 1.5, 13)  # m0 over the standard deviation of the moment
 _OF_BOTH_SIDES = np.linspace(0.25, 2.5, 10)  # the same of a place that opens, or closes, on both sides
