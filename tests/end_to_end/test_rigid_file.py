@@ -33,7 +33,7 @@ def diagnosed(modalwatch: Commands, folder: Path, *more: object, reference: bool
     return " ".join(done.out.split()), min(mode["frequency"]["measured"] or np.inf for mode in modes)
 
 
-@pytest.mark.parametrize(("reference", "only"), [(False, ["--only", "support_stiffness"]), (True, [])])
+@pytest.mark.parametrize(("reference", "only"), [(False, ["--only", "model_parameters"]), (True, [])])
 def test_the_lowest_mode_is_found_by_default(
     modalwatch: Commands, tmp_path: Path, reference: bool, only: list[str]
 ) -> None:
