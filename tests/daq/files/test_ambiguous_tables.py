@@ -13,7 +13,7 @@ UNTIMED = "".join(f"{a},{b}\n" for a, b in DATA.tolist())
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "message"),
     [
         (f"time,a,b\n{ROWS}\nSummary of the run\ntime,peak\n0.1,0.99\n0.2,0.95\n0.3,0.97\n", "line 53: expected 3"),
         (f"time,a,b\n{ROWS}End of file\nTotal,50\nMean,0.1\n", "line 52: expected 3 cells, found 1"),
@@ -21,10 +21,10 @@ UNTIMED = "".join(f"{a},{b}\n" for a, b in DATA.tolist())
         ("time,acc,time,acc\n" + "".join(f"{row},{row}\n" for row in ("0.00,1", "0.01,2")), "'acc' is given twice"),
     ],
 )
-def test_table_with_a_footer_or_repeated_names_is_refused(tmp_path: Path, text: str, says: str) -> None:
+def test_table_with_a_footer_or_repeated_names_is_refused(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "table.csv"
     path.write_text(text)
-    with pytest.raises(DataError, match=says):
+    with pytest.raises(DataError, match=message):
         read_measured(path, DataOptions())
 
 
@@ -47,7 +47,7 @@ def test_line_before_the_rows_names_them(tmp_path: Path, text: str, names: list[
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "message"),
     [
         ("time,a\n" + "".join(f"{10 * k + 10**9},1\n" for k in range(9)), r"make 0\.1 Hz, .*as ms \(100 Hz\)"),
         ("t,a\n" + "".join(f"{10_000 * k + 1_500_000_000},1\n" for k in range(9)), r"0\.0001 Hz, .*as us \(100 Hz\)"),
@@ -58,11 +58,11 @@ def test_line_before_the_rows_names_them(tmp_path: Path, text: str, names: list[
         ),
     ],
 )
-def test_times_that_may_be_since_1970_or_not_are_refused(tmp_path: Path, text: str, says: str) -> None:
+def test_times_that_may_be_since_1970_or_not_are_refused(tmp_path: Path, text: str, message: str) -> None:
     """Times since the start of a computer may be dates in another unit, where the rate is not plausible."""
     path = tmp_path / "table.csv"
     path.write_text(text)
-    with pytest.raises(DataError, match=says):
+    with pytest.raises(DataError, match=message):
         read_measured(path, DataOptions())
 
 
@@ -113,7 +113,7 @@ def test_date_of_a_calibration_is_not_the_start(tmp_path: Path, second: str) -> 
 
 
 @pytest.mark.parametrize(
-    ("content", "says"),
+    ("content", "message"),
     [
         ({"north": DATA[:, 0], "fs": 100.0, "positions": np.arange(36.0).reshape(12, 3)}, "positions .12, 3."),
         ({"t": np.arange(50) / 100, "acc": DATA, "extra": DATA[:, 0]}, "extra .50,."),
@@ -122,10 +122,10 @@ def test_date_of_a_calibration_is_not_the_start(tmp_path: Path, second: str) -> 
     ],
 )
 def test_arrays_that_may_not_be_the_samples_or_their_step_are_refused(
-    tmp_path: Path, content: dict[str, np.ndarray], says: str
+    tmp_path: Path, content: dict[str, np.ndarray], message: str
 ) -> None:
     np.savez(tmp_path / "set.npz", **content)  # type: ignore[arg-type]
-    with pytest.raises(DataError, match=says):
+    with pytest.raises(DataError, match=message):
         read_measured(tmp_path / "set.npz", DataOptions())
 
 

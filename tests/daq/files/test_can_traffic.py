@@ -91,7 +91,7 @@ def test_given_start_time_replaces_that_of_the_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("messages", "sensor", "says"),
+    ("messages", "sensor", "message"),
     [
         (traffic(), replace(IMU, rate=1000.0), "imu: expected 1000 scans a second, found 400"),
         (
@@ -104,12 +104,12 @@ def test_given_start_time_replaces_that_of_the_file(tmp_path: Path) -> None:
     ids=["rate", "no frames", "empty"],
 )
 def test_failed_import_names_the_cause_and_writes_no_log(
-    tmp_path: Path, messages: list[can.Message], sensor: LoggedSensor, says: str
+    tmp_path: Path, messages: list[can.Message], sensor: LoggedSensor, message: str
 ) -> None:
     data, out = written(tmp_path / "bus.log", messages), tmp_path / "bus.mcap"
     with pytest.raises(DataError) as caught:
         import_can_log(data, out, [sensor], CHANNELS)
-    assert str(caught.value).startswith(f"{data}: {says}")
+    assert str(caught.value).startswith(f"{data}: {message}")
     assert not out.exists()
 
 

@@ -300,8 +300,8 @@ def test_dates_are_accepted_as_times(tmp_path: Path, delimiter: str, name: str, 
     assert remark.startswith(f"times of {name!r} are dates, UTC where they state no zone: the first is 202")
     assert read_data(path, columns={"left": "left"}, start=5).start == 5
     path.write_text(path.read_text().replace(rows[1500][0].replace(".", "," if delimiter == "\t" else "."), "noon"))
-    says = f"line 1502, column '{name}': expected a time as 2026-01-31T12:00:00.005, found 'noon'"
-    with pytest.raises(DataError, match=says):
+    message = f"line 1502, column '{name}': expected a time as 2026-01-31T12:00:00.005, found 'noon'"
+    with pytest.raises(DataError, match=message):
         read_data(path, columns={"left": "left"})
 
 
@@ -340,13 +340,13 @@ def test_midnight_in_separate_date_and_time_columns_is_no_gap(tmp_path: Path) ->
 def test_error_for_invalid_date_states_its_line(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     good = "date,time,a\n2026-01-01,00:00:00,1\n2026-01-01,00:00:01,1\n"
-    for row, says in (
+    for row, message in (
         ("2026-01-32,00:00:02,1", "line 4, column 'date': expected a date as 2026-01-31, found '2026-01-32'"),
         ("2026-01-01,24:61:02,1", "line 4, column 'time': expected a time of day as 12:00:00.005, found '24:61:02'"),
         (",00:00:02,1", "line 4: the time is missing"),
     ):
         path.write_text(good + row)
-        with pytest.raises(DataError, match=says):
+        with pytest.raises(DataError, match=message):
             read_data(path)
 
 
@@ -407,12 +407,12 @@ def test_only_chosen_array_channels_are_read(tmp_path: Path) -> None:
 def test_invalid_column_choice_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("t,a,b,b\n0,1,2,3\n1,x,2,3\n")
-    for columns, says in (
+    for columns, message in (
         ({"c": "c"}, "line 1: expected a column 'c', found t, a, b, b"),
         ({"b": "b"}, "line 1: the column name 'b' is given twice"),
         ({"a": "a"}, "line 3, column 'a': expected a number, found 'x'"),
     ):
-        with pytest.raises(DataError, match=rf"data\.csv: {says}"):
+        with pytest.raises(DataError, match=rf"data\.csv: {message}"):
             read_data(path, columns=columns)
     with pytest.raises(ValueError, match="columns: expected different names, found z, z"):
         read_data(path, columns={"a": "z", "b": "z"})
@@ -539,11 +539,11 @@ TABLES = {
 }
 
 
-@pytest.mark.parametrize(("text", "says"), TABLES.values(), ids=list(TABLES))
-def test_invalid_table_is_refused(tmp_path: Path, text: str, says: str) -> None:
+@pytest.mark.parametrize(("text", "message"), TABLES.values(), ids=list(TABLES))
+def test_invalid_table_is_refused(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "data.csv"
     path.write_text(text)
-    with pytest.raises(DataError, match=rf"data\.csv: {says}") as found:
+    with pytest.raises(DataError, match=rf"data\.csv: {message}") as found:
         read_data(path)
     assert found.value.path == path
 
@@ -610,11 +610,11 @@ ARRAYS: dict[str, tuple[dict[str, object], str]] = {
 }
 
 
-@pytest.mark.parametrize(("arrays", "says"), ARRAYS.values(), ids=list(ARRAYS))
-def test_invalid_arrays_are_refused(tmp_path: Path, arrays: dict[str, object], says: str) -> None:
+@pytest.mark.parametrize(("arrays", "message"), ARRAYS.values(), ids=list(ARRAYS))
+def test_invalid_arrays_are_refused(tmp_path: Path, arrays: dict[str, object], message: str) -> None:
     path = tmp_path / "data.npz"
     np.savez(path, **arrays)  # type: ignore[arg-type]
-    with pytest.raises(DataError, match=rf"data\.npz: {says}"):
+    with pytest.raises(DataError, match=rf"data\.npz: {message}"):
         read_data(path)
 
 

@@ -42,12 +42,12 @@ def test_file_without_nodes_has_no_geometry(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("sets", "says"),
+    ("sets", "message"),
     [
         ((NODES, line(1, 3)), "dataset 2: node 3 of the trace line is not among the nodes"),
         ((NODES | {"z": [0.0, float("nan"), 1.0]},), "dataset 1: expected a number and three finite coordinates"),
     ],
 )
-def test_inconsistent_geometry_is_refused(tmp_path: Path, sets: Any, says: str) -> None:
-    with pytest.raises(DataError, match=rf"a\.uff: {says}"):
+def test_inconsistent_geometry_is_refused(tmp_path: Path, sets: Any, message: str) -> None:
+    with pytest.raises(DataError, match=rf"a\.uff: {message}"):
         read_geometry(universal(tmp_path / "a.uff", *sets))

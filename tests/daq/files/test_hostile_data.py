@@ -62,8 +62,10 @@ def mat_bomb(path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize(("place", "says"), [(0, "unknown kind 0"), (8, "an array is of an unknown class")])
-def test_damaged_elements_of_a_mat_file_are_refused(commands: Commands, tmp_path: Path, place: int, says: str) -> None:
+@pytest.mark.parametrize(("place", "message"), [(0, "unknown kind 0"), (8, "an array is of an unknown class")])
+def test_damaged_elements_of_a_mat_file_are_refused(
+    commands: Commands, tmp_path: Path, place: int, message: str
+) -> None:
     """The kind of the numbers, at which scipy ends with a fault of memory, and the class of the array."""
     path = tmp_path / "a.mat"
     scipy.io.savemat(path, {"data": DATA, "rate": 100.0})
@@ -71,7 +73,7 @@ def test_damaged_elements_of_a_mat_file_are_refused(commands: Commands, tmp_path
     at = content.index(struct.pack("<II", 9, DATA.nbytes)) if place == 0 else 128 + 8 + 8
     content[at : at + 1] = b"\x00"
     path.write_bytes(bytes(content))
-    assert_refused(commands("import", path, "-o", tmp_path / "a.mcap"), path, says)
+    assert_refused(commands("import", path, "-o", tmp_path / "a.mcap"), path, message)
 
 
 @pytest.mark.parametrize(

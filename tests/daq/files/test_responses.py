@@ -134,7 +134,7 @@ def test_hammer_that_moves_has_its_responses_by_reciprocity(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("sets", "says"),
+    ("sets", "message"),
     [
         ([response(VALUES[:, 0], 1), response(VALUES[:, 0], 1)], "dataset 2: the response of 1_x to 7_-z is in the fi"),
         (
@@ -153,6 +153,6 @@ def test_hammer_that_moves_has_its_responses_by_reciprocity(tmp_path: Path) -> N
         ([response(VALUES[:, 0], 1) | {"func_type": 1}], "holds no frequency response"),
     ],
 )
-def test_inconsistent_responses_are_refused(tmp_path: Path, sets: Any, says: str) -> None:
-    with pytest.raises(DataError, match=rf"frf\.uff: {says}"):
+def test_inconsistent_responses_are_refused(tmp_path: Path, sets: Any, message: str) -> None:
+    with pytest.raises(DataError, match=rf"frf\.uff: {message}"):
         read_responses(universal(tmp_path / "frf.uff", *sets))

@@ -239,7 +239,7 @@ def test_calibration_of_each_channel(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "message"),
     [
         ("left = 3", r"left: expected a table \[left\] with unit, sensitivity, scale, offset, found 3"),
         ("[left]\ngain = 3", "left.gain: expected one of unit, sensitivity, scale, offset"),
@@ -252,10 +252,10 @@ def test_calibration_of_each_channel(tmp_path: Path) -> None:
         ("[left]\nunit = mg", 'is no TOML: Invalid value .*: a text needs quotes: "mg"'),
     ],
 )
-def test_invalid_calibration_is_named(tmp_path: Path, text: str, says: str) -> None:
+def test_invalid_calibration_is_named(tmp_path: Path, text: str, message: str) -> None:
     file = tmp_path / "calibration.toml"
     file.write_text(text)
-    with pytest.raises(DataError, match=rf"calibration\.toml: {says}"):
+    with pytest.raises(DataError, match=rf"calibration\.toml: {message}"):
         read_calibration(file)
 
 

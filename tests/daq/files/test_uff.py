@@ -148,7 +148,7 @@ def test_files_with_dates_follow_each_other(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("second", "says"),
+    ("second", "message"),
     [
         (time_response(SIGNALS[:, 1]), "datasets 1, 2: expected different channels, found '1_x' in each"),
         (time_response(SIGNALS[:300, 1], 2), "dataset 2: expected 400 samples every 0.005 s"),
@@ -161,12 +161,12 @@ def test_files_with_dates_follow_each_other(tmp_path: Path) -> None:
         (time_response(1j * SIGNALS[:, 1], 2), "dataset 2 (2_x): expected finite real numbers"),
     ],
 )
-def test_inconsistent_dataset_is_named_with_its_file(tmp_path: Path, second: dict[str, Any], says: str) -> None:
+def test_inconsistent_dataset_is_named_with_its_file(tmp_path: Path, second: dict[str, Any], message: str) -> None:
     path = universal(tmp_path / "test.uff", time_response(SIGNALS[:, 0]), second)
     with pytest.raises(DataError) as caught:
         read_data(path)
     assert str(caught.value).startswith(f"{path}: dataset")
-    assert says in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_unselected_force_channel_is_ignored(tmp_path: Path) -> None:
@@ -185,7 +185,7 @@ def test_invalid_universal_files_are_refused(tmp_path: Path) -> None:
     lines[8] = lines[8][:12] + "many".rjust(8) + lines[8][20:]
     cut.write_text("\n".join(lines) + "\n")
     universal(geometry, UNITS)
-    for path, says in (
+    for path, message in (
         (text, "its datasets are of type none"),
         (cut, "dataset 1: cannot be read"),
         (geometry, "holds no time response (dataset 58, function type 1); its datasets are of type 164"),
@@ -194,4 +194,4 @@ def test_invalid_universal_files_are_refused(tmp_path: Path) -> None:
         with pytest.raises(DataError) as caught:
             read_data(path)
         assert str(path) in str(caught.value)
-        assert says in str(caught.value)
+        assert message in str(caught.value)
