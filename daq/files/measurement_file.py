@@ -17,17 +17,15 @@ from daq.files.columns.scaling import calibration_remark, differentiation_remark
 from daq.files.columns.stated_start import StatedStart, UnclearDate
 from daq.files.columns.temperatures import known_mean, mean_temperature, temperature_remark
 from daq.files.columns.time_column import (
-    TIME_UNITS,
     date_column,
     date_remark,
-    epoch_remark,
-    is_epoch,
     is_further_time,
+    nanoseconds,
     no_times,
     time_column,
     time_column_by_cells,
     time_remark,
-    unit_of_times,
+    times_and_start,
 )
 from daq.files.columns.time_grid import UnevenError, even_grid
 from daq.files.formats.registry import Format, format_of, read_format
@@ -262,13 +260,12 @@ def _table(path: Path, options: DataOptions) -> Columns:
     try:
         if table.dated:
             name = time if day is None else f"{day} {time}"
-            return Columns(signals, warm, *on_grid(t, values), name, _nanoseconds(t), **texts)
-        time_unit = unit_of_times(path, time, t, options.time_unit)
-        t = t * TIME_UNITS[time_unit]
+            return Columns(signals, warm, *on_grid(t, values), name, nanoseconds(t), **texts)
+        t, began, remark = times_and_start(path, time, t, options.time_unit)
         data, even_rate = on_grid(t, values)
-        if not origin and is_epoch(t):
-            texts["remarks"] = (epoch_remark(time, time_unit), *texts["remarks"])
-            return Columns(signals, warm, data, even_rate, None, _nanoseconds(t), **texts)
+        if not origin and began is not None:
+            texts["remarks"] = (remark, *texts["remarks"])
+            return Columns(signals, warm, data, even_rate, None, began, **texts)
         if origin:  # rows may have been taken out of the beginning
             texts["origin"] = replace(origin, start=origin.start + round(1e9 * float(t[0])))
         return Columns(signals, warm, data, even_rate, time, **texts)
@@ -346,19 +343,13 @@ def _of_format(path: Path, known: Format, options: DataOptions) -> Columns:
     if len(arrays.t) != len(values):
         raise DataError(path, f"{arrays.t_name}: expected {len(values)} times, found {len(arrays.t)}")
     try:
-        time_unit = unit_of_times(path, arrays.t_name, arrays.t, options.time_unit)
-        t = arrays.t * TIME_UNITS[time_unit]
-        if arrays.began is None and not arrays.origin and is_epoch(t):
-            texts["remarks"] = (epoch_remark(arrays.t_name, time_unit), *arrays.remarks)
-            return Columns(signals, warm, *on_grid(t, values), **texts | {"began": _nanoseconds(t)})
+        t, began, remark = times_and_start(path, arrays.t_name, arrays.t, options.time_unit)
+        if arrays.began is None and not arrays.origin and began is not None:
+            texts |= {"began": began, "remarks": (remark, *arrays.remarks)}
+            return Columns(signals, warm, *on_grid(t, values), **texts)
         return Columns(signals, warm, *on_grid(t, values), arrays.t_name, **texts)
     except UnevenError as error:
         raise DataError(path, f"{arrays.t_name}[{error.row}]: {error.why}") from error
-
-
-def _nanoseconds(t: FloatArray) -> int:
-    """Return the first of the times [s] in nanoseconds, to a microsecond."""
-    return 1000 * round(1e6 * float(t[0]))
 
 
 def known_rate(path: Path, given: float | None, found: float | None, otherwise: str) -> float:

@@ -141,12 +141,12 @@ def _parted(name: str) -> tuple[str, str]:
 
 
 def in_seconds(path: Path, name: str, t: FloatArray, given: str | None) -> FloatArray:
-    """Return times (n_rows,) in seconds; see `unit_of_times`."""
-    return t * TIME_UNITS[unit_of_times(path, name, t, given)]
+    """Return times (n_rows,) in seconds; parameters and errors as for `times_and_start`."""
+    return times_and_start(path, name, t, given)[0]
 
 
-def unit_of_times(path: Path, name: str, t: FloatArray, given: str | None) -> str:
-    """Return the unit of times (n_rows,), of `TIME_UNITS`.
+def times_and_start(path: Path, name: str, t: FloatArray, given: str | None) -> tuple[FloatArray, int | None, str]:
+    """Return times (n_rows,) in seconds, and of times counted from 1970 the first one [ns] with a remark.
 
     Parameters
     ----------
@@ -163,14 +163,22 @@ def unit_of_times(path: Path, name: str, t: FloatArray, given: str | None) -> st
     unit = given or header_unit(name) or _epoch_unit(t)
     if unit is None:
         _ask(path, name, t)
-    return unit or "s"
+    times = t * TIME_UNITS[unit or "s"]
+    if not _is_epoch(times):
+        return times, None, ""
+    return times, nanoseconds(times), f"times of {name!r} are counted from 1970 in {unit or 's'}"
+
+
+def nanoseconds(t: FloatArray) -> int:
+    """Return the first of the times [s] in nanoseconds, to a microsecond."""
+    return 1000 * round(1e6 * float(t[0]))
 
 
 def _epoch_unit(t: FloatArray) -> str | None:
     """Return the unit in which the first time is a date of this century, and the rate plausible; None without any."""
     for unit in ("s", "ms", "us", "ns"):
         period = _period(t) * TIME_UNITS[unit]
-        if is_epoch(t[:1] * TIME_UNITS[unit]) and period > 0 and plausible_rate(1 / period):
+        if _is_epoch(t[:1] * TIME_UNITS[unit]) and period > 0 and plausible_rate(1 / period):
             return unit
     return None
 
@@ -187,7 +195,7 @@ def _period(t: FloatArray) -> float:
     return float(np.median(known)) if len(known) else 0.0
 
 
-def is_epoch(t: FloatArray) -> bool:
+def _is_epoch(t: FloatArray) -> bool:
     """Return whether times [s] are counted from 1970 rather than from the start of the measurement."""
     return len(t) > 0 and bool(_CENTURY[0] <= t[0] < _CENTURY[1])
 
@@ -214,11 +222,6 @@ def time_remark(name: str, given: str | None) -> str | None:
         return f"times of {name!r} are taken in {given}, by --time-unit, not in {stated}"
     unit = given or stated or "s"
     return f"times of {name!r} are in {unit}" if unit != "s" else None
-
-
-def epoch_remark(name: str, unit: str) -> str:
-    """Return a remark that times are counted from 1970 in a unit."""
-    return f"times of {name!r} are counted from 1970 in {unit}"
 
 
 def date_remark(name: str | None, began: int) -> str:
