@@ -140,11 +140,6 @@ def _parted(name: str) -> tuple[str, str]:
     return (found["name"], found["unit"]) if found else (name, "")
 
 
-def in_seconds(path: Path, name: str, t: FloatArray, given: str | None) -> FloatArray:
-    """Return times (n_rows,) in seconds; parameters and errors as for `times_and_start`."""
-    return times_and_start(path, name, t, given)[0]
-
-
 def times_and_start(path: Path, name: str, t: FloatArray, given: str | None) -> tuple[FloatArray, int | None, str]:
     """Return times (n_rows,) in seconds, and of times counted from 1970 the first one [ns] with a remark.
 

@@ -86,9 +86,7 @@ def read_arrays(path: Path, time: str | None = None, transposed: bool | None = N
     if data is None and matrix is not None:
         data = arrays.pop(matrix)
         remarks = [f"channels of the array {matrix!r}"]
-        left = [
-            f"{name} {np.shape(array)}" for name, array in arrays.items() if _is_numeric(array) and np.size(array) > 1
-        ]
+        left = [f"{name} {shape}" for name, shape in _numeric(arrays).items()]
     if data is None:
         arrays = {name: array.squeeze() for name, array in arrays.items() if array.size > 1}
         lengths = {array.shape for array in arrays.values()}
@@ -118,7 +116,7 @@ def read_arrays(path: Path, time: str | None = None, transposed: bool | None = N
 
 def _only_matrix(arrays: dict[str, Any]) -> str | None:
     """Return the name of the matrix of the channels: the only one, and longer than all other arrays; None without."""
-    numeric = {name: np.shape(array) for name, array in arrays.items() if _is_numeric(array) and np.size(array) > 1}
+    numeric = _numeric(arrays)
     matrices = [name for name, shape in numeric.items() if len(shape) == 2 and min(shape) > 1]
     if len(matrices) != 1:
         return None
@@ -126,8 +124,13 @@ def _only_matrix(arrays: dict[str, Any]) -> str | None:
     return None if any(max(shape) >= n_samples for shape in numeric.values()) else matrices[0]
 
 
-def _is_numeric(array: Any) -> bool:  # noqa: ANN401 - whatever the file holds
-    return np.asarray(array).dtype.kind in "biufc"
+def _numeric(arrays: dict[str, Any]) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the arrays of more than one number, by name."""
+    return {
+        name: np.shape(array)
+        for name, array in arrays.items()
+        if np.asarray(array).dtype.kind in "biufc" and np.size(array) > 1
+    }
 
 
 def _rate(path: Path, arrays: dict[str, Any]) -> float | None:

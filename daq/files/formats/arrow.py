@@ -11,9 +11,9 @@ from pyarrow import ipc, parquet
 from daq.errors import DataError
 from daq.files.archive_size import check_unpacked, damage_named
 from daq.files.columns.headings import parted
-from daq.files.columns.time_column import in_seconds, time_column
+from daq.files.columns.time_column import time_column
 from daq.files.formats.arrays import ORIGIN, Arrays
-from daq.files.formats.series import Series, TimeAxis, time_axis, together
+from daq.files.formats.series import Series, TimeAxis, axis_of_seconds, axis_of_times, together
 from daq.files.options import DataOptions
 from daq.files.origin import Origin, parse_origin
 from daq.types import Recording
@@ -119,19 +119,17 @@ def _series(table: "pa.Table", axis: TimeAxis | None, rate: float | None, time: 
         if axis is None:
             yield Series(name=field.name, values=values, rate=rate, unit=unit)
         else:
-            yield Series(name=field.name, values=axis.placed(values), rate=axis.rate, start=axis.start, unit=unit)
+            yield axis.series(field.name, values, unit)
 
 
 def _axis(path: Path, table: "pa.Table", time: str, options: DataOptions) -> TimeAxis:
     column = table.column(time)
     if not pa.types.is_timestamp(column.type):
-        return time_axis(
-            path, time, in_seconds(path, time, np.asarray(column.to_numpy(), np.float64), options.time_unit), None
-        )
+        return axis_of_times(path, time, np.asarray(column.to_numpy(), np.float64), options.time_unit)
     if column.null_count or not len(column):
         raise DataError(path, f"column {time!r}: expected dates, found {column.null_count} empty cells")
     stamps = column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy()
-    return time_axis(path, time, (stamps - stamps[0]) * 1e-9, int(stamps[0]))
+    return axis_of_seconds(path, time, (stamps - stamps[0]) * 1e-9, int(stamps[0]))
 
 
 def _rate(schema: "pa.Schema") -> float | None:

@@ -10,9 +10,9 @@ import numpy as np
 
 from daq.errors import DataError
 from daq.files.archive_size import check_unpacked, damage_named
-from daq.files.columns.time_column import in_seconds, time_column
+from daq.files.columns.time_column import time_column
 from daq.files.formats.arrays import ORIGIN, Arrays
-from daq.files.formats.series import Series, TimeAxis, time_axis, together
+from daq.files.formats.series import Series, TimeAxis, axis_of_times, together
 from daq.files.options import DataOptions
 from daq.files.origin import Origin, parse_origin
 from daq.types import Recording
@@ -96,7 +96,7 @@ def _series(
             title = one or (called if column is None else f"{called}_{column + 1}")
             values = whole if column is None else whole[column] if options.transposed else whole[:, column]
             if axis is not None and len(values) == len(axis.index):
-                yield Series(name=title, values=axis.placed(values), rate=axis.rate, start=axis.start, unit=unit)
+                yield axis.series(title, values, unit)
             else:
                 yield Series(name=title, values=values, rate=rate, start=start, unit=unit)
 
@@ -111,8 +111,7 @@ def _times(
         return None, None
     item = file[own[base]]
     unit = options.time_unit or {"milliseconds": "ms"}.get(str(_first(item.attrs, _UNITS)))
-    t = in_seconds(path, base, np.asarray(item[()], np.float64), unit)
-    return time_axis(path, base, t - t[0], round(t[0] * 1e9) if t[0] > 1e8 else None), own[base]
+    return axis_of_times(path, base, np.asarray(item[()], np.float64), unit), own[base]
 
 
 def _columns(

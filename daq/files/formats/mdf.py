@@ -17,7 +17,7 @@ from daq.files.archive_size import check_unpacked, damage_named
 from daq.files.columns.headings import parted
 from daq.files.formats.arrays import Arrays
 from daq.files.formats.messages import library_messages
-from daq.files.formats.series import Series, time_axis, together
+from daq.files.formats.series import Series, axis_of_seconds, together
 from daq.files.options import DataOptions
 
 _MAGIC = (b"MDF     ", b"UnFinMF ")
@@ -77,7 +77,9 @@ def _series(path: Path, mdf: MDF, options: DataOptions, left: list[str]) -> Iter
         size += 8 * len(t) * len(wanted)
         check_unpacked(path, "channels", size)
         try:
-            axis = time_axis(path, "times", t - t[0] if len(t) else t, begin + round(1e9 * t[0]) if len(t) else None)
+            axis = axis_of_seconds(
+                path, "times", t - t[0] if len(t) else t, begin + round(1e9 * t[0]) if len(t) else None
+            )
         except DataError:
             left.extend(f"{names[k]} (no even times)" for k in wanted)
             continue
@@ -86,8 +88,7 @@ def _series(path: Path, mdf: MDF, options: DataOptions, left: list[str]) -> Iter
             if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "iuf" or len(signal.samples) != len(t):
                 left.append(f"{names[k]} (no numbers)")
                 continue
-            values = axis.placed(np.asarray(signal.samples, np.float64))
-            yield Series(name=names[k], values=values, rate=axis.rate, start=axis.start, unit=signal.unit or "")
+            yield axis.series(names[k], np.asarray(signal.samples, np.float64), signal.unit or "")
 
 
 def _wanted(name: str, options: DataOptions) -> bool:

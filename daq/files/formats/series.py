@@ -1,7 +1,7 @@
 """Signals of one file with names, units and starts of their own, put on one time grid."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from daq.errors import DataError
 from daq.files.archive_size import check_unpacked
 from daq.files.columns.headings import parted
+from daq.files.columns.time_column import times_and_start
 from daq.files.columns.time_grid import TOLERANCE, UnevenError, even_grid
 from daq.files.formats.arrays import Arrays
 from daq.types import FloatArray, IndexArray
@@ -25,6 +26,7 @@ class Series:
     rate: float | None  #: [Hz]; None if not known
     start: int | None = None  #: time of the first sample [ns UTC]; None if not known
     unit: str = ""  #: "" if not known
+    remark: str = ""  #: on its times
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,15 +36,35 @@ class TimeAxis:
     rate: float  #: [Hz]
     start: int | None  #: time of the first sample [ns UTC]; None if not known
     index: IndexArray  #: (n_samples,) places on the grid; places without a sample are gaps
+    remark: str = ""  #: on its times
 
-    def placed(self, values: FloatArray) -> FloatArray:
-        """Return samples (n_samples,) on the grid, NaN between."""
+    def series(self, name: str, values: FloatArray, unit: str) -> Series:
+        """Return samples (n_samples,) of a channel on the grid, NaN between."""
         found = np.full(int(self.index[-1]) + 1, np.nan)
         found[self.index] = values
-        return found
+        return Series(name=name, values=found, rate=self.rate, start=self.start, unit=unit, remark=self.remark)
 
 
-def time_axis(path: Path, name: str, t: FloatArray, start: int | None) -> TimeAxis:
+def axis_of_times(path: Path, name: str, t: FloatArray, unit: str | None) -> TimeAxis:
+    """Return the grid of times that are numbers; of those counted from 1970 it has the start.
+
+    Parameters
+    ----------
+    path : of the file
+    name : of the channel of times
+    t : (n_samples,)
+    unit : of `TIME_UNITS`; by default that of the name, or the one in which the times are plausible
+
+    Raises
+    ------
+    DataError
+        If the unit is not known, or naming the time that is not on an even grid.
+    """
+    seconds, start, remark = times_and_start(path, name, t, unit)
+    return replace(axis_of_seconds(path, name, seconds, start), remark=remark)
+
+
+def axis_of_seconds(path: Path, name: str, t: FloatArray, start: int | None) -> TimeAxis:
     """Return the grid of times [s].
 
     Parameters
@@ -138,7 +160,8 @@ def _on_one_grid(path: Path, named: Sequence[tuple[str, Series]], left: tuple[st
         values[place : place + len(one.values), names.index(name)] = one.values
     if np.isinf(values).any():
         raise DataError(path, "expected finite numbers, found inf")
-    return Arrays(names=names, values=values, rate=first.rate, t=None, began=start, left=left)
+    remarks = tuple(dict.fromkeys(one.remark for _, one in named if one.remark))
+    return Arrays(names=names, values=values, rate=first.rate, t=None, began=start, left=left, remarks=remarks)
 
 
 def _listed(names: Sequence[str]) -> str:

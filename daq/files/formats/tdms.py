@@ -8,10 +8,10 @@ import numpy as np
 from nptdms import TdmsChannel, TdmsFile, TdmsGroup
 
 from daq.files.archive_size import check_unpacked, damage_named
-from daq.files.columns.time_column import in_seconds, time_column
+from daq.files.columns.time_column import time_column
 from daq.files.formats.arrays import Arrays
 from daq.files.formats.messages import library_messages
-from daq.files.formats.series import Series, TimeAxis, time_axis, together
+from daq.files.formats.series import Series, TimeAxis, axis_of_seconds, axis_of_times, together
 from daq.files.options import DataOptions
 
 _UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit")
@@ -38,7 +38,8 @@ def read(path: Path, options: DataOptions) -> Arrays:
         names = [channel.name for channel in channels]
         unique = {c.path: c.name if names.count(c.name) == 1 else f"{c.group_name}/{c.name}" for c in channels}
         series = [one for group in file.groups() for one in _series(path, group, unique, options)]
-    return replace(together(path, series, options.columns), remarks=tuple(f"npTDMS: {text}" for text in messages))
+    found = together(path, series, options.columns)
+    return replace(found, remarks=(*found.remarks, *(f"npTDMS: {text}" for text in messages)))
 
 
 def _series(path: Path, group: TdmsGroup, names: dict[str, str], options: DataOptions) -> Iterator[Series]:
@@ -51,16 +52,12 @@ def _series(path: Path, group: TdmsGroup, names: dict[str, str], options: DataOp
         if channel is timed or channel.dtype.kind == "M":
             continue
         values = np.asarray(channel[:], np.float64)
-        rate, start = _waveform(channel)
+        name, (rate, start) = names[channel.path], _waveform(channel)
+        unit = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
         if axis is not None and rate is None and len(values) == len(axis.index):
-            values, rate, start = axis.placed(values), axis.rate, axis.start
-        yield Series(
-            name=names[channel.path],
-            values=values,
-            rate=rate,
-            start=start,
-            unit=next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), ""),
-        )
+            yield axis.series(name, values, unit)
+        else:
+            yield Series(name=name, values=values, rate=rate, start=start, unit=unit)
 
 
 def _waveform(channel: TdmsChannel) -> tuple[float | None, int | None]:
@@ -78,9 +75,9 @@ def _times(path: Path, channel: TdmsChannel, options: DataOptions) -> TimeAxis:
     """Return the grid of a channel of times."""
     t = channel[:]
     if t.dtype.kind != "M":
-        return time_axis(path, channel.name, in_seconds(path, channel.name, t, options.time_unit), None)
+        return axis_of_times(path, channel.name, np.asarray(t, np.float64), options.time_unit)
     seconds = (t - t[0]).astype("timedelta64[ns]").astype(np.float64) * 1e-9
-    return time_axis(path, channel.name, seconds, _nanoseconds(t[0]))
+    return axis_of_seconds(path, channel.name, seconds, _nanoseconds(t[0]))
 
 
 def _nanoseconds(time: np.datetime64) -> int:

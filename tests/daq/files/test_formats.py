@@ -101,6 +101,24 @@ def test_tdms_files_of_the_library(name: str, rate: float, start: str) -> None:
     np.testing.assert_array_equal(found.data, expected)
 
 
+@pytest.mark.parametrize(("unit", "per_second"), [("s", 1), ("ms", 1000), ("us", 10**6)])
+def test_times_counted_from_1970_give_the_start_of_tdms_hdf5_and_parquet(
+    tmp_path: Path, unit: str, per_second: int
+) -> None:
+    times = (START * 1e-9 + np.arange(400) / RATE) * per_second
+    tables = [tmp_path / name for name in ("a.tdms", "a.h5", "a.parquet")]
+    tdms(tables[0], ChannelObject("a", "time", times), ChannelObject("a", "left", DATA[:400, 0]))
+    with h5py.File(tables[1], "w") as file:
+        file["time"], file["left"] = times, DATA[:400, 0]
+    pd.DataFrame({"time": times, "left": DATA[:400, 0]}).to_parquet(tables[2])
+    for path in tables:
+        found = read_measured(path, DataOptions(unit="m/s2"))
+        assert abs(found.recording.start - START) < 2000, path  # a double of 1970's seconds has 0.24 us
+        assert found.recording.rate == pytest.approx(RATE, rel=1e-6)
+        assert f"times of 'time' are counted from 1970 in {unit}" in found.remarks
+        np.testing.assert_array_equal(found.recording.data[:, 0], DATA[:400, 0])
+
+
 # --- HDF5 -------------------------------------------------------------------------------------------------------------
 
 
