@@ -1,5 +1,6 @@
 """Arrays of numpy's .npz and .npy, and Matlab's .mat files."""
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,7 +81,7 @@ def read_arrays(path: Path, time: str | None = None, transposed: bool | None = N
     arrays = _load(path)
     t_name = time_column(arrays, time) or time or "t"
     rate, t = _rate(path, arrays), arrays.pop(t_name, None)
-    data, names = _first(arrays, _DATA), _first(arrays, _NAMES)
+    data, names = _stated_matrix(arrays), _first(arrays, _NAMES)
     origin, remarks, left = _origin(path, arrays), [], []
     matrix = _only_matrix(arrays)
     if data is None and matrix is not None:
@@ -94,10 +95,11 @@ def read_arrays(path: Path, time: str | None = None, transposed: bool | None = N
             found = ", ".join(f"{name} {array.shape}" for name, array in arrays.items()) or "nothing"
             raise DataError(path, f"expected 'data' or one array (n_samples,) a channel, found {found}")
         data, names = np.column_stack(list(arrays.values())), np.array(list(arrays))
-    values = _numbers(path, "data", data)
+    values = np.atleast_2d(_numbers(path, "data", data).T).T
     if values.ndim != 2:
         raise DataError(path, f"data: expected (n_samples, n_channels), found {values.shape}")
-    values = values.T if transposed else values
+    is_row = transposed is None and len(values) == 1 and (names is None or np.size(names) == 1)
+    values = values.T if transposed or is_row else values
     if transposed is None:
         _ask_orientation(path, values.shape, names, t)
     if values.shape[1] > _MAX_CHANNELS:
@@ -112,6 +114,16 @@ def read_arrays(path: Path, time: str | None = None, transposed: bool | None = N
         left=tuple(left),
         remarks=tuple(remarks),
     )
+
+
+def _stated_matrix(arrays: dict[str, Any]) -> Any:  # noqa: ANN401 - whatever the file holds
+    """Take the matrix with one of its names out of arrays; a vector ``y`` beside an ``x`` as long is a channel."""
+    sizes = [np.size(array) for array in arrays.values()]
+    for name in (name for name in _DATA if name in arrays):
+        shape = np.shape(arrays[name])
+        if sizes.count(math.prod(shape)) == 1 or max(shape, default=0) < math.prod(shape):
+            return arrays.pop(name)
+    return None
 
 
 def _only_matrix(arrays: dict[str, Any]) -> str | None:

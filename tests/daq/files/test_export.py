@@ -478,6 +478,21 @@ def test_exported_universal_file_is_imported_unchanged(tmp_path: Path, n: int) -
     assert not (tmp_path / "gap.uff").exists()
 
 
+@pytest.mark.parametrize("ending", ["npz", "mat"])
+def test_vectors_of_each_axis_are_channels_and_one_vector_is_one_channel(tmp_path: Path, ending: str) -> None:
+    vectors = dict(zip("xyz", np.random.default_rng(9).standard_normal((3, 400)), strict=True))
+    for names in ("xyz", "xy", "y"):
+        path = tmp_path / f"{names}.{ending}"
+        arrays = {"fs": 100.0, **{name: vectors[name] for name in names}}
+        if ending == "mat":
+            savemat(path, arrays)
+        else:
+            np.savez(path, **arrays)
+        found = read_data(path)
+        assert [channel.name for channel in found.channels] == (list(names) if len(names) > 1 else ["ch1"])
+        np.testing.assert_array_equal(found.data.T, [vectors[name] for name in names])
+
+
 def test_one_array_per_channel_with_time_array_is_read(tmp_path: Path) -> None:
     path = tmp_path / "data.npz"
     np.savez(path, t=np.arange(6) / 8, left=np.arange(6.0), right=np.ones(6))
