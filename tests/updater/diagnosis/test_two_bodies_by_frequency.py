@@ -15,6 +15,7 @@ from monitor.analysis.modal_table.table import read_tables
 from monitor.analysis.observation import Observation
 from tests.support.updater.ritz_cantilever import BEAM, Clamp, frequencies, structure_file
 from updater import Structure, parse_structure
+from updater.fe import build_model
 from updater.inference import compare
 
 STD = 2e-4  # of a frequency
@@ -30,8 +31,18 @@ def measured(structure: Structure, bodies: Sequence[tuple[float, float]], seed: 
     return read_tables(structure, [path])
 
 
+def error_of_true_removal(calibrated: Structure, left: Sequence[tuple[float, float]]) -> float:
+    """Return the rms error of the calibrated model's changes of frequencies [%] when the right bodies are removed."""
+    removed = calibrated.model_copy(update={"body": tuple(b for k, b in enumerate(calibrated.body) if k not in (0, 2))})
+    logs = []
+    for structure, bodies in ((calibrated, BODIES), (removed, left)):
+        simulated, true = build_model(structure).modes(12).frequency, frequencies(bodies, TRUTH)
+        logs.append(np.log([simulated[np.abs(simulated - f).argmin()] / f for f in true]))
+    return float(100 * np.sqrt(np.mean((logs[1] - logs[0]) ** 2)))
+
+
 @pytest.mark.thorough
-def test_removal_of_two_bodies_is_among_the_named_causes(tmp_path: Path) -> None:
+def test_removal_of_two_bodies_is_named_with_its_alternatives(tmp_path: Path) -> None:
     """A stiffening of two stretches, with the same effect from the other end, was named with 99.9 %."""
     structure = parse_structure(structure_file(BODIES, Clamp(mass=0.45)))
     before = measured(structure, BODIES, 1, tmp_path / "before.csv")
@@ -46,12 +57,19 @@ def test_removal_of_two_bodies_is_among_the_named_causes(tmp_path: Path) -> None
     )
     assert found.sought.model_error_factor > 1.5
     assert answer.verdict == "ambiguous"
-    named = {name for cause in answer.causes for name in (cause.cause, *cause.cannot_be_told_from)}
-    assert "added_mass" in named
+    assert [cause.cause for cause in answer.causes] == ["added_mass", "added_mass"]
+    for cause, (position, mass) in zip(reversed(answer.causes), (BODIES[0], BODIES[2]), strict=True):
+        assert cause.where is not None
+        assert cause.where.position is not None
+        assert cause.where.position_std is not None
+        assert abs(cause.where.position[0] - position) < 3 * cause.where.position_std
+        assert abs(cause.parameters["mass"].value + mass) < 3 * cause.parameters["mass"].std
     assert answer.gain is not None
     assert answer.gain.change_error_percent is not None
     assert answer.gain.change_error_percent.after is not None
-    assert answer.gain.change_error_percent.after < 0.1  # of 2.3 %: noise leaves 0.03 %
+    floor = error_of_true_removal(found.sought.structure, left)
+    print(f"error of the changes: {answer.gain.change_error_percent}, with the true removal {floor:.3f} %")
+    assert answer.gain.change_error_percent.after < 1.5 * floor  # 0.14 % by the taper, of 2.3 %; noise leaves 0.03 %
 
 
 def test_unmeasured_damping_is_not_counted_as_data(tmp_path: Path) -> None:
