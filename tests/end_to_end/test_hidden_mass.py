@@ -49,7 +49,7 @@ def test_replay_of_an_imported_table_finds_the_hidden_mass(tmp_path: Path, capsy
     """
     log, at, mass = hidden(tmp_path, 33, added=True)
     assert replay_command([through_a_table(log)], json=tmp_path / "found.json") == 1  # an alarm: a person is needed
-    assert "`-o WATCHED.mcap` writes a log with this" in " ".join(capsys.readouterr().out.split())
+    assert "`-o WATCHED.mcap` writes a log with these results" in " ".join(capsys.readouterr().out.split())
     found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["results"]
     alarms = [r for r in found if r.get("state") == "alarm"]
     assert len(alarms) == 1
