@@ -43,7 +43,9 @@ if TYPE_CHECKING:
     from daq.timing.host_clock import SystemClock as SystemClock
     from daq.timing.resampling import Assembler as Assembler
     from daq.types import Block as Block
+    from daq.types import BoolArray as BoolArray
     from daq.types import Channel as Channel
+    from daq.types import ComplexArray as ComplexArray
     from daq.types import DeviceIdentity as DeviceIdentity
     from daq.types import Event as Event
     from daq.types import Flag as Flag

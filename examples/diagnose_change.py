@@ -7,8 +7,8 @@ from daq import load_recordings, read_attachments
 from monitor.analysis.explanation import explain
 from monitor.analysis.observation import observe
 from monitor.text.causes import cause_text
-from monitor.text.quantities import plain
 from updater import parse_structure
+from updater.quantities import plain
 
 folder = Path(__file__).parents[1] / "replay_data"
 truth = tomllib.loads((folder / "manifest.toml").read_text(encoding="utf-8"))["log"][0]

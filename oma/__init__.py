@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from oma.spectral import dependence_on_amplitude as dependence_on_amplitude
     from oma.spectral import device_delays as device_delays
     from oma.spectral import fit_resonance as fit_resonance
+    from oma.spectral import plot_spectrum as plot_spectrum
     from oma.spectral import singular_values as singular_values
     from oma.tracking import FollowedModes as FollowedModes
     from oma.tracking import LongTermTracker as LongTermTracker
@@ -49,8 +50,10 @@ if TYPE_CHECKING:
     from oma.tracking import match_setups as match_setups
     from oma.tracking import merge as merge
     from oma.tracking import pair_modes as pair_modes
+    from oma.tracking import plot_tracks as plot_tracks
     from oma.types import ComplexArray as ComplexArray
     from oma.types import ModalEstimate as ModalEstimate
+    from oma.types import Stabilization as Stabilization
     from oma.uff import Place as Place
     from oma.uff import node_motion as node_motion
     from oma.uff import places_by_name as places_by_name

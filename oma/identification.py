@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,9 +27,12 @@ from oma.preparation import (
     usable_share,
     window_quality,
 )
-from oma.selection import Mode, Stabilization, distinct, join, physical, repeats_of_tones
-from oma.spectral import LineClasses, aligned, classify, delays_of_clean
-from oma.types import ModalEstimate
+from oma.selection import Mode, distinct, join, physical, repeats_of_tones
+from oma.spectral import LineClasses, aligned, classify, delays_of_clean, drawn_spectrum, plot_spectrum
+from oma.types import ModalEstimate, Stabilization
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
     {m.name: m for m in (DataSSI, CovarianceSSI, PLSCF, FDD, EFDD, FSDD)}
@@ -92,6 +96,23 @@ class Identification:
             frequency_moves=self.frequency_moves[sure],
         )
 
+    def plot_stabilization(self, recording: Recording | None = None, estimate: ModalEstimate | None = None) -> "Figure":
+        """Draw poles over frequency by model order, and their damping; modes and tones are marked.
+
+        Parameters
+        ----------
+        recording : its spectrum is drawn behind the poles. Default: no spectrum
+        estimate : modes to mark, as the mean of many windows. Default: those of this identification
+        """
+        from oma.plots import stabilization_figure  # matplotlib is loaded only for a figure
+
+        spectrum = None if recording is None else drawn_spectrum(recording)
+        return stabilization_figure(self.poles, estimate or self.estimate, self.harmonics, spectrum)
+
+    def plot_spectrum(self, recording: Recording) -> "Figure":
+        """Draw the singular values of the spectral matrix of the recording; modes and tones are marked."""
+        return plot_spectrum(recording, self.estimate, self.harmonics)
+
 
 def identify(
     recording: Recording, method: Method | None = None, band: tuple[float, float] | None = None
@@ -111,8 +132,8 @@ def identify(
     -------
     ModalEstimate
         Of the channels that carry a signal (`channel_faults` names the others), without their devices' delays
-        (`device_delays`). Where gaps leave too little for the lowest frequencies, these are passed over.
-        `identify_all` returns the same estimate with the poles that it was chosen from, for the same time.
+        (`device_delays`). Where gaps leave too little for the lowest frequencies, these are passed over. It has its
+        poles. `identify_all` also returns tones, faults of channels and the quality of the record.
 
     Raises
     ------
@@ -121,13 +142,17 @@ def identify(
     InputError
         If the band is empty or begins above 0.48 of the rate.
     """
-    return identify_all(recording, method, band).estimate
+    found = identify_all(recording, method, band)
+    return replace(found.estimate, poles=found.poles)
 
 
 def identify_all(
     recording: Recording, method: Method | None = None, band: tuple[float, float] | None = None
 ) -> Identification:
-    """Identify modes and keep the stabilization diagram; arguments and errors as for `identify`."""
+    """Identify modes, and keep poles, tones [Hz], faults of channels and the quality of the record.
+
+    Parameters and errors are those of `identify`.
+    """
     _band(recording, method or DataSSI(), band)  # before the work
     return identify_cleaned(recording, cleaned(recording), method, band)
 

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from daq import FloatArray
-from oma.types import ComplexArray
+from daq import ComplexArray, FloatArray
 
 Shapes = npt.NDArray[Any]  #: (..., n_channels) real or complex
 
@@ -77,7 +76,13 @@ def mac_matrix(a: Shapes, b: Shapes) -> FloatArray:
 
 
 def mac(a: Shapes, b: Shapes) -> float:
-    """Modal assurance criterion of two shapes, (n_channels,) each."""
+    """Modal assurance criterion [-] of two shapes, (n_channels,) each; 1 if they agree up to a complex factor.
+
+    Raises
+    ------
+    ValueError
+        If the numbers of channels differ.
+    """
     return float(mac_matrix(np.atleast_2d(a), np.atleast_2d(b))[0, 0])
 
 

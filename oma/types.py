@@ -1,19 +1,22 @@
-"""Result of an identification: modes with their uncertainty."""
+"""Result of an identification: modes with their uncertainty, and the poles that they are selected from."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from daq import FloatArray, IndexArray
+from daq import BoolArray, FloatArray, IndexArray
+from daq import ComplexArray as ComplexArray
 from daq.notebook import html_table, notebook_extra, number_text, utc_text
 
 if TYPE_CHECKING:
     import pandas
     import xarray
+    from matplotlib.figure import Figure
 
-ComplexArray = npt.NDArray[np.complex128]
+    from oma.plots import Skeleton
+
 SAME_AS = "the same as "  #: beginning of the text of a channel's fault that ends with the name of another channel
 _LISTED = 8  # frequencies in a short description
 _PER_MODE = {
@@ -24,6 +27,26 @@ _PER_MODE = {
     "support": "1",
     "law_ratio": "1",
 }
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Stabilization:
+    """Poles of all orders that could be modes: the stabilization diagram."""
+
+    frequency: FloatArray  #: (n_poles,) [Hz]
+    damping: FloatArray  #: (n_poles,) [-]
+    shape: ComplexArray  #: (n_poles, n_channels), unit norm, as real as it can be
+    order: IndexArray  #: (n_poles,) model order [-]
+    column: IndexArray  #: (n_poles,) place among the eigenvalues of that order's model [-]
+    stable: BoolArray  #: (n_poles,) the next order shows it too
+
+    def __len__(self) -> int:
+        """Return the number of poles."""
+        return len(self.frequency)
+
+    def __getitem__(self, chosen: BoolArray | IndexArray) -> "Stabilization":
+        """Return some of the poles."""
+        return Stabilization(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,6 +66,8 @@ class ModalEstimate:
     law_ratio: FloatArray  #: (n_modes,) jackknife sigma of frequency over the uncertainty law's [-]
     start: int  #: start of the recording [ns UTC]
     end: int  #: its end [ns UTC]
+    poles: Stabilization | None = None
+    """Poles that the modes were selected from, kept by `identify` alone; None for several windows and other sources"""
 
     def __post_init__(self) -> None:
         """Check that shapes agree."""
@@ -116,3 +141,58 @@ class ModalEstimate:
             {"mode": np.arange(1, self.n_modes + 1), "channel": list(self.channels)},
             {"start": self.start, "end": self.end},
         )
+
+    def plot_stabilization(self) -> "Figure":
+        """Draw poles over frequency by model order, and their damping; the modes are marked.
+
+        `Identification.plot_stabilization` also draws the spectrum and the tones.
+
+        Raises
+        ------
+        ValueError
+            If the estimate has no poles.
+        """
+        from oma.plots import stabilization_figure  # matplotlib is loaded only for a figure
+
+        if self.poles is None:
+            raise ValueError("poles: expected those of one recording (identify, identify_all), found none")
+        return stabilization_figure(self.poles, self, np.empty(0))
+
+    def plot_shapes(self, structure: "Skeleton | None" = None) -> "Figure":
+        """Draw all mode shapes: as arrows at the sensors of a structure; without one as bars, one per channel.
+
+        Parameters
+        ----------
+        structure : updater.Structure, or another object with its properties `axis_lines` and `measuring_axes`, optional
+
+        Raises
+        ------
+        ValueError
+            If the structure has no sensor of these channels.
+        """
+        from oma.plots import shapes_figure  # matplotlib is loaded only for a figure
+
+        if structure is not None and not structure.measuring_axes.keys() & set(self.channels):
+            raise ValueError(f"structure: expected a sensor of {', '.join(self.channels)}, found none")
+        return shapes_figure(self, structure)
+
+    def plot_mac(self, other: "ModalEstimate | None" = None) -> "Figure":
+        """Draw the modal assurance criterion (MAC) [-] of these modes with each other.
+
+        Parameters
+        ----------
+        other : estimate of the same channels whose modes are the columns. Default: this one
+
+        Raises
+        ------
+        ValueError
+            If the channels differ.
+        """
+        from oma.plots import mac_figure  # matplotlib is loaded only for a figure
+
+        other = self if other is None else other
+        if self.channels != other.channels:
+            raise ValueError(
+                f"other: expected the channels {', '.join(self.channels)}, found {', '.join(other.channels)}"
+            )
+        return mac_figure(self, other)

@@ -14,10 +14,12 @@ from oma.errors import IdentificationError
 from oma.identification import identify_cleaned
 from oma.methods import Method
 from oma.preparation import ChannelFault, WindowQuality, cleaned
+from oma.tracking import plot_tracks
 from oma.types import ModalEstimate
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.figure import Figure
 
 _SAME_TONE = 2e-3  # relative difference of frequencies up to which tones are the same one
 
@@ -68,6 +70,10 @@ class Windows:
         start = pandas.to_datetime([estimate.start for estimate in self.estimates], unit="ns", utc=True)
         tables = [estimate.to_dataframe(shapes=shapes) for estimate in self.estimates]
         return pandas.concat(tables, keys=start, names=["start"]) if tables else pandas.DataFrame()
+
+    def plot_tracks(self) -> "Figure":
+        """Draw the frequencies of all windows over time; errors as for `oma.plot_tracks`."""
+        return plot_tracks(self.estimates)
 
 
 def identify_windows(

@@ -21,6 +21,15 @@ FREQUENCY_STD = 2e-3  #: error of a beam model in ln f, for any parameters
 GAIN_STD = 0.01  #: usual error of the gain of an accelerometer, by data sheets
 ASKEW_STD = 0.02  #: rad: usual misalignment of a sensor
 PLACE_STD = 3e-3  #: m on a frame of 1.5 m: usual distance of a sensor from its stated place
+_NAMES = {
+    "sensor_polarity": "sensor sign turned",
+    "sensor_swap": "sensors exchanged",
+    "sensor_orientation": "sensor direction",
+    "sensor_dead": "dead sensor",
+    "amplitude_softening": "softening with amplitude",
+    "damping_change": "change of damping",
+    "support_spring": "additional support",
+}  # others are their own words
 
 
 def vector(values: FloatArray) -> Vector:
@@ -34,6 +43,16 @@ def rounded_value(value: float, std: float) -> float:
     if value == 0 or not (math.isfinite(std) and std > 0):
         return value
     return round(value, max(1 - math.floor(math.log10(std)), 2 - math.floor(math.log10(abs(value)))))
+
+
+def plain(name: str) -> str:
+    """Return a name of a cause or parameter as words."""
+    return _NAMES.get(name, name.replace("_", " "))
+
+
+def cause_name(words: str) -> str:
+    """Return the name of a cause from its words, as `plain` returns them; a name is returned as it is."""
+    return next((name for name, text in _NAMES.items() if text == words), words.replace(" ", "_"))
 
 
 class PlainValue(BaseModel):

@@ -61,8 +61,9 @@ def ours_data(path: str, rate: float) -> Work:
 
 
 def _ours(path: str, rate: float, method: Any) -> Work:
+    from oma import Stabilization
     from oma.methods.realization import realisations
-    from oma.selection import Stabilization, stabilization
+    from oma.selection import stabilization
     from tests.support.oma.correlations import correlation_sums
 
     data = np.load(path)

@@ -21,8 +21,7 @@ from monitor.results.convert import bare_reference
 from monitor.results.correlation import discrepancy_result
 from monitor.text.verdicts import diagnosis_text
 from monitor.views.report import comparison_figures as beside
-from monitor.views.report.fit_figures import evidence_figure
-from monitor.views.report.svg import styled
+from oma.plots import styled
 from tests.measured.accelerometers import Rig
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import (
@@ -34,6 +33,7 @@ from updater import (
     matched,
     stack_tracks,
 )
+from updater.diagnosis import evidence_figure
 
 SEED, SECONDS, WINDOW = 77, 150.0, 25.0
 SOFTER, LENGTH = 0.4, 0.1  # loss of stiffness of a stretch, and how long it is [m]
@@ -97,7 +97,7 @@ def figures(
     for signal in found.signals[:1]:
         yield "signal", beside.signal_figure(signal)
         yield "spectrum", beside.spectrum_figure(signal)
-    yield "evidence", evidence_figure(diagnosis)
+    yield "evidence", evidence_figure(diagnosis.causes, diagnosis.rejected)
 
 
 def show(folder: Path) -> None:

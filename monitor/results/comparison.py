@@ -1,10 +1,13 @@
 """Diagnosis, and comparison of measured and simulated modes, as plain values: in logs and JSON files."""
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from updater import Cause, Diagnosis, Gain
 from updater.diagnosis import ReferenceStep, Separation, Verdict
 from updater.quantities import ExchangedSections, PlainValue, Vector
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class RejectedCause(PlainValue):
@@ -68,6 +71,18 @@ class DiagnosisAnswer(Diagnosis):
     within_record: WithinRecord | None = None  #: change of the structure within the logs that are diagnosed
     #: sections that fit far better with width and height exchanged; None if the file is right, or was not tested
     exchanged_sections: ExchangedSections | None = None
+
+    def plot(self) -> "Figure":
+        """Draw the errors of the model without and with the causes, and the log evidence [-] of all causes.
+
+        Raises
+        ------
+        ValueError
+            If no mode was compared and no cause weighed.
+        """
+        from updater.diagnosis import diagnosis_figure  # matplotlib is loaded only for a figure
+
+        return diagnosis_figure(self.causes, self.modes, self.rejected)
 
 
 class ModeComparison(PlainValue):

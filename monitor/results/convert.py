@@ -21,8 +21,7 @@ from monitor.results.windows import (
     ReferenceResult,
     Spectrum,
 )
-from oma import IdentificationError, ModalEstimate
-from oma.selection import Stabilization
+from oma import IdentificationError, ModalEstimate, Stabilization
 from oma.spectral import singular_values_of_clean
 from updater import MassChange, ModalMean, Model, Reference, Structure, build_model
 from updater.modal_data import BaselineModes, real_shape

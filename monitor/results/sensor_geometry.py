@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -33,6 +34,17 @@ class SensorGeometry:
         at = np.array(self.nodes)
         tree = minimum_spanning_tree(np.linalg.norm(at[:, None] - at[None], axis=2)).tocoo()
         return [[int(a), int(b)] for a, b in zip(tree.row, tree.col, strict=True)]
+
+    @property
+    def axis_lines(self) -> FloatArray:
+        """Return the ends (n_lines, 2, 3) of the lines between the positions [m]."""
+        at = np.array(self.nodes)
+        return np.array([at[list(pair)] for chain in self.chains for pair in pairwise(chain)])
+
+    @property
+    def measuring_axes(self) -> Mapping[str, tuple[Vector, Vector]]:
+        """Return position [m] and direction of each channel."""
+        return self.sensors
 
     @property
     def places(self) -> dict[str, Place]:

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from daq.notebook import number_text
+from daq.notebook import number_text, rounded_text
 from monitor.results.comparison import BalanceResult, DiscrepancyResult, SensorComparison
 from monitor.results.windows import IncrementPlace, MassAnswer, MassIncrements, OtherPlace
 from monitor.text.cause_list import listed_causes
-from monitor.text.quantities import MIN_P, counted, plain, share_text
+from monitor.text.quantities import MIN_P, counted, share_text
 from updater import Cause, Diagnosis, Gain
 from updater.diagnosis import CalibrationSummary, Failed, FittedCause, Pair
 from updater.quantities import (
@@ -24,6 +24,7 @@ from updater.quantities import (
     Quantity,
     Vector,
     Where,
+    plain,
 )
 
 if TYPE_CHECKING:
@@ -367,7 +368,7 @@ def unmeasured_text(found: DiscrepancyResult) -> str:
     if not absent:
         return ""
     count = counted(len(absent), "mode")
-    return f"not measured, neither before nor now: {count} of the model, {_range_text(absent)} Hz"
+    return f"not measured, neither before nor now: {count} of the model, {_range_text(absent)}"
 
 
 def lost_modes_text(found: DiscrepancyResult) -> str:
@@ -382,9 +383,12 @@ def lost_modes_text(found: DiscrepancyResult) -> str:
     )
 
 
-def _range_text(values: Sequence[float]) -> str:
-    ends = dict.fromkeys(f"{value:.4g}" for value in (min(values), max(values)))
-    return " to ".join(ends)
+def _range_text(frequencies: Sequence[float]) -> str:
+    """Return lowest and highest frequency; those that have the same digits once, with their number."""
+    first, last = (f"{value:.4g}" for value in (min(frequencies), max(frequencies)))
+    if first != last:
+        return f"{first} to {last} Hz"
+    return {1: "", 2: "both at "}.get(len(frequencies), "all at ") + f"{first} Hz"
 
 
 def failed_text(failed: Failed) -> str:
@@ -416,15 +420,23 @@ def open_question(structure: "Structure", change: "MassChange") -> str:
     one, other = change.alternatives[:2]
     which = "left or right" if one.mirrors(other, structure) else "where"
     places = " or ".join(
-        f"{a.member} at {a.distance:.3f} m with {1e3 * a.mass:.0f} g ({100 * a.probability:.0f} %)"
+        f"{a.member} at {a.distance:.3f} m with {rounded_text(1e3 * a.mass, 1e3 * a.mass_std)} g "
+        f"({100 * a.probability:.0f} %)"
         for a in change.alternatives
     )
     return f"{which}: not distinguishable; {places}"
 
 
-def forecast_text(forecast: "AccuracyForecast") -> str:
-    """Return what more windows would add to the accuracy of a located mass."""
-    least = f"{1e3 * forecast.least_distance_std:.0f} mm and {1e3 * forecast.least_mass_std:.0f} g"
+def forecast_text(forecast: "AccuracyForecast", mass_std: float) -> str:
+    """Return what more windows would add to the accuracy of a located mass.
+
+    Parameters
+    ----------
+    forecast : of this mass
+    mass_std : its present standard deviation [kg], whose decimals the predicted one has
+    """
+    least_mass = rounded_text(1e3 * forecast.least_mass_std, 1e3 * mass_std)
+    least = f"{1e3 * forecast.least_distance_std:.0f} mm and {least_mass} g"
     if forecast.limited_by == "windows":
         until = f"up to about {forecast.enough} windows: {least} at best"
         return f"the deviation decreases with the square root of the number of windows, {until}"

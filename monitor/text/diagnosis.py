@@ -9,7 +9,7 @@ from daq.notebook import number_text
 from monitor.results.comparison import ChangeRate, DiagnosisAnswer, FollowUp, WithinRecord
 from monitor.text.cause_list import listed_causes
 from monitor.text.causes import cause_text, change_texts
-from monitor.text.quantities import MIN_P, counted, mass_words, plain, share_text, two_digits, utc
+from monitor.text.quantities import MIN_P, counted, mass_words, share_text, two_digits, utc
 from updater import Body, Cause, DiagnosisResult
 from updater.diagnosis import (
     CalibrationSummary,
@@ -22,7 +22,7 @@ from updater.diagnosis import (
     Separation,
     SmallestChange,
 )
-from updater.quantities import SIGNIFICANT, ExchangedSections
+from updater.quantities import SIGNIFICANT, ExchangedSections, plain
 
 _REASONS = {
     "uniform_shift": "not distinguishable from a uniform frequency shift",

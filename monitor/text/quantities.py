@@ -14,15 +14,6 @@ if TYPE_CHECKING:
 _CERTAIN = 0.99  # no more is shown by sealed draws
 MIN_P = 1e-12  #: smallest p that is stated: below it neither noise nor model is known well enough
 _STD_PER_STEP = 1.05  # standard deviation over the median step of independent normal values: 1 / (0.6745 sqrt(2))
-_NAMES = {
-    "sensor_polarity": "sensor sign turned",
-    "sensor_swap": "sensors exchanged",
-    "sensor_orientation": "sensor direction",
-    "sensor_dead": "dead sensor",
-    "amplitude_softening": "softening with amplitude",
-    "damping_change": "change of damping",
-    "support_spring": "additional support",
-}  # others are their own words
 _UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"))
 
 
@@ -96,16 +87,6 @@ def duration_words(seconds: float) -> str:
     if seconds < 120:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.3g} h"
-
-
-def plain(name: str) -> str:
-    """Return a name of a cause or parameter as words."""
-    return _NAMES.get(name, name.replace("_", " "))
-
-
-def cause_name(words: str) -> str:
-    """Return the name of a cause from its words, as `plain` returns them; a name is returned as it is."""
-    return next((name for name, text in _NAMES.items() if text == words), words.replace(" ", "_"))
 
 
 def share_text(probability: float) -> str:

@@ -105,7 +105,7 @@ def diagnosis_of(
 
 def _location(reference: Reference, modes: ModalMean, structure: Structure, n_windows: int) -> MassAnswer:
     change, outlook = locate_mass_with_forecast(reference, modes)
-    return mass_answer(structure, change, n_windows, forecast_text(outlook))
+    return mass_answer(structure, change, n_windows, forecast_text(outlook, change.mass_std))
 
 
 def sensors(learned: LearnedBaseline, calm: Sequence[Window]) -> dict[str, ChannelHealth]:

@@ -7,8 +7,9 @@ from typing import ClassVar, Protocol
 
 from daq import FloatArray
 from oma.preparation import Level
-from oma.selection import Mode, Selection, Stabilization
+from oma.selection import Mode, Selection
 from oma.spectral import CorrelationAccumulator
+from oma.types import Stabilization
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -16,9 +16,9 @@ from daq import FloatArray
 from oma.mac import normalise
 from oma.methods.base import LevelModes, Method
 from oma.preparation import Level
-from oma.selection import Mode, Stabilization, block_std, normalised_move, pole_moves, uncertainty_law
+from oma.selection import Mode, block_std, normalised_move, pole_moves, uncertainty_law
 from oma.spectral import Decomposition, SpectralResonance, SpectrumAccumulator, decompose, residue_weight, resonances
-from oma.types import ComplexArray
+from oma.types import ComplexArray, Stabilization
 
 _LONGEST, _SHORTEST = 2048, 64  # samples a segment
 _ROUNDING = 0.2  # of the logarithm of a length, upwards

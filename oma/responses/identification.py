@@ -13,8 +13,7 @@ from oma.responses.modal_mass import driving_points, modal_mass, unit_shape
 from oma.responses.residues import synthesis
 from oma.responses.resonance_fit import FittedMode, fitted_modes
 from oma.responses.stable_poles import stable_poles
-from oma.selection import Stabilization
-from oma.types import ComplexArray, ModalEstimate
+from oma.types import ComplexArray, ModalEstimate, Stabilization
 
 _MIN_LINES = 60  # in the band
 

@@ -15,8 +15,8 @@ from daq import FloatArray, IndexArray
 from oma.methods import HalfSpectrum, MatrixFraction, matrix_fractions
 from oma.responses.lines import Lines
 from oma.responses.residues import residues
-from oma.selection import Selection, Stabilization, groups, join, stabilization
-from oma.types import ComplexArray
+from oma.selection import Selection, groups, join, stabilization
+from oma.types import ComplexArray, Stabilization
 
 SELECTION = Selection(min_damping=1e-5)
 _LINES_A_POWER = 4

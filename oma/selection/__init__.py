@@ -13,7 +13,5 @@ from oma.selection.selection import BAND as BAND
 from oma.selection.selection import Selection as Selection
 from oma.selection.selection import groups as groups
 from oma.selection.selection import uncertainty_law as uncertainty_law
-from oma.selection.stabilization_diagram import IndexArray as IndexArray
-from oma.selection.stabilization_diagram import Stabilization as Stabilization
 from oma.selection.stabilization_diagram import join as join
 from oma.selection.stabilization_diagram import stabilization as stabilization

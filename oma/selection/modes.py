@@ -10,8 +10,7 @@ from oma.mac import mac_matrix, normalise
 from oma.preparation import BoolArray
 from oma.selection.pole_uncertainty import PoleInfluence, block_std
 from oma.selection.selection import BAND, MIN_MEMBERS, Selection, groups, uncertainty_law
-from oma.selection.stabilization_diagram import Stabilization
-from oma.types import ComplexArray, ModalEstimate
+from oma.types import ComplexArray, ModalEstimate, Stabilization
 
 _CHANCE = 2.0  # standard deviations that may lie between two groups of one mode
 
@@ -165,10 +164,16 @@ def physical(modes: Sequence[Mode], selection: Selection) -> list[Mode]:
 
 
 def repeats_of_tones(estimate: ModalEstimate, tone: BoolArray, selection: Selection) -> BoolArray:
-    """Return which modes are duplicates of tones: as sharp as the tone in their band.
+    """Return true (n_modes,) for modes that duplicate a tone: they are as sharp as the tone in their band.
 
-    A scatter below the uncertainty law alone does not indicate a tone: under gusts and impacts modes scatter less than
-    that.
+    A scatter below the uncertainty law alone does not indicate a tone: modes excited by gusts and impacts scatter less
+    than the law.
+
+    Parameters
+    ----------
+    estimate : (n_modes,)
+    tone : (n_modes,) true for the tones among them
+    selection : limits
     """
     away = np.abs(estimate.frequency[:, None] - estimate.frequency[tone])
     beside = np.any(away < BAND * (estimate.damping * estimate.frequency)[:, None], axis=1)

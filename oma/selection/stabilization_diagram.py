@@ -6,39 +6,15 @@ Reynders, E., Houbrechts, J., De Roeck, G. (2012). Fully automated (operational)
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from daq import FloatArray
 from oma.mac import normalise
-from oma.preparation import BoolArray
 from oma.selection.selection import Selection
-from oma.types import ComplexArray
-
-IndexArray = npt.NDArray[np.intp]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Stabilization:
-    """Poles of all orders that could be modes: the stabilization diagram."""
-
-    frequency: FloatArray  #: (n_poles,) [Hz]
-    damping: FloatArray  #: (n_poles,) [-]
-    shape: ComplexArray  #: (n_poles, n_channels), unit norm, as real as it can be
-    order: IndexArray  #: (n_poles,) model order [-]
-    column: IndexArray  #: (n_poles,) place among the eigenvalues of that order's model [-]
-    stable: BoolArray  #: (n_poles,) the next order shows it too
-
-    def __len__(self) -> int:
-        """Return the number of poles."""
-        return len(self.frequency)
-
-    def __getitem__(self, chosen: BoolArray | IndexArray) -> "Stabilization":
-        """Return some of the poles."""
-        return Stabilization(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
+from oma.types import ComplexArray, Stabilization
 
 
 class PoleModel(Protocol):

@@ -24,4 +24,6 @@ from oma.spectral.spectra import SpectrumAccumulator as SpectrumAccumulator
 from oma.spectral.spectra import singular_values as singular_values
 from oma.spectral.spectra import singular_values_of_clean as singular_values_of_clean
 from oma.spectral.spectra import spectral_matrix as spectral_matrix
+from oma.spectral.spectrum_plot import drawn_spectrum as drawn_spectrum
+from oma.spectral.spectrum_plot import plot_spectrum as plot_spectrum
 from oma.spectral.transforms import fast_length as fast_length

@@ -8,3 +8,4 @@ from oma.tracking.pairing import mac_of_moving as mac_of_moving
 from oma.tracking.pairing import pair_modes as pair_modes
 from oma.tracking.track_state import Tracks as Tracks
 from oma.tracking.tracker import Tracker as Tracker
+from oma.tracking.tracks_plot import plot_tracks as plot_tracks

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 from oma.mac import mac_matrix
 from oma.preparation import BoolArray
-from oma.selection import IndexArray
 from oma.tracking.pairing import assign
 from oma.types import ComplexArray, ModalEstimate
 

@@ -10,8 +10,8 @@ UPDATER = Path(__file__).parents[2] / "updater"
 MIN_SPACES = 3  # of a sentence; shorter texts are names
 ATTRIBUTES = {"advice", "instrument"}  # supplied with a cause by its author
 CALLS = {"attempt", "debug", "warning"}  # log, and names of the parts that an internal fault leaves out
-#: messages of errors that are raised, or logged, elsewhere; names of parameters
-MESSAGES = {"causes/catalogue.py", "modal_data/tracked.py", "fe", "structure"}
+#: messages of errors that are raised, or logged, elsewhere; names of parameters; titles and axes of figures
+MESSAGES = {"causes/catalogue.py", "modal_data/tracked.py", "fe", "structure", "diagnosis/schema/figures.py"}
 
 
 def spaces(node: ast.AST) -> int:

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from updater.diagnosis.schema import SignalEvidence as SignalEvidence
     from updater.diagnosis.schema import SmallestChange as SmallestChange
     from updater.diagnosis.schema import Verdict as Verdict
+    from updater.diagnosis.schema.figures import diagnosis_figure as diagnosis_figure
+    from updater.diagnosis.schema.figures import evidence_figure as evidence_figure
+    from updater.diagnosis.schema.figures import fits_figure as fits_figure
     from updater.diagnosis.weighing import OnCause as OnCause
     from updater.diagnosis.weighing import allowed_causes as allowed_causes
     from updater.diagnosis.weighing import say_nothing as say_nothing

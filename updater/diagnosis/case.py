@@ -1,6 +1,7 @@
 """An event to be explained with its fits, and the result of its diagnosis."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from updater.causes import Cause
 from updater.diagnosis.gain import Gained, WindowModes
@@ -10,6 +11,9 @@ from updater.inference import Comparison, Fit
 from updater.modal_data import ModalMean
 from updater.reference import Calibration, Reference
 from updater.structure import Body, Structure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +42,18 @@ class DiagnosisResult:
 
     def __repr__(self) -> str:
         return f"DiagnosisResult({self.diagnosis!r})"
+
+    def plot(self) -> "Figure":
+        """Draw the errors of the model without and with the causes, and the log evidence [-] of all causes.
+
+        Raises
+        ------
+        ValueError
+            If no mode was compared and no cause weighed.
+        """
+        from updater.diagnosis.schema.figures import diagnosis_figure  # matplotlib is loaded only for a figure
+
+        return diagnosis_figure(self.diagnosis.causes, self.diagnosis.modes, self.rejected)
 
     def _repr_html_(self) -> str:
         """Return a table of the causes, for notebooks."""

@@ -316,6 +316,16 @@ class Entries(Entry):
         return tuple(sensor.corrected(self.sensors.get(sensor.channel)) for sensor in self.sensor)
 
     @property
+    def axis_lines(self) -> FloatArray:
+        """Ends (n_members, 2, 3) of the members' axes [m]."""
+        return np.array([[member.start, member.end] for member in self.member])
+
+    @property
+    def measuring_axes(self) -> dict[str, tuple[Vector, Vector]]:
+        """Channel -> position of its sensor [m], and its direction, of any length."""
+        return {sensor.channel: (sensor.at, sensor.direction) for sensor in self.corrected_sensors}
+
+    @property
     def active_channels(self) -> tuple[str, ...]:
         """Names of the channels with a gain other than 0."""
         return tuple(sensor.channel for sensor in self.corrected_sensors if sensor.gain)
@@ -367,7 +377,13 @@ class Entries(Entry):
 
 
 def local_axes(direction: FloatArray, local_y: Vector | None = None) -> FloatArray:
-    """Return (3, 3), rows = local x, y, z; by default local y is horizontal, or global y for a vertical member."""
+    """Return unit vectors of the local axes of a member (3, 3): rows are local x, y and z.
+
+    Parameters
+    ----------
+    direction : (3,) from the start of the member to its end, of any length
+    local_y : direction that local y is nearest to. Default: horizontal, or global y for a vertical member
+    """
     x = _unit(direction.tolist())  # plain numbers: numpy takes twenty times as long for three of them
     default = (0.0, 1.0, 0.0) if abs(x[2]) > 1 - 1e-9 else (-x[1], x[0], 0.0)
     y = local_y or default

@@ -15,7 +15,8 @@ from monitor.errors import drawing
 from monitor.outputs.history import TrendPoint
 from monitor.outputs.history.summary import Found
 from monitor.text.verdicts import accepted_text
-from monitor.views.report.svg import ALARM, INK, OK, SOFT, mode_colour, new_figure, styled
+from monitor.views.report.svg import mode_colour
+from oma.plots import ALARM, INK, OK, SOFT, new_figure, styled
 
 _STEPS_TO_JOIN = 3.0  # points further apart than this many median steps are not joined by a line
 _LONGEST = 90  # characters of a text above a line

@@ -15,17 +15,8 @@ from daq import FloatArray, Recording
 from monitor.results.sensor_geometry import SensorGeometry
 from monitor.views.animation.drawing import Drawing, Motion
 from monitor.views.geometry import screen
-from monitor.views.plots.identification import (
-    LINE,
-    STABLE,
-    complexity_figure,
-    mac_figure,
-    plot_spectrum,
-    plot_stabilization,
-    plot_tracks,
-)
-from monitor.views.plots.mode_shapes import Skeleton, plot_shapes_on
-from oma import Identification, ModalEstimate, Place, write_universal
+from oma import Identification, ModalEstimate, Place, plot_spectrum, plot_tracks, write_universal
+from oma.plots import LINE, STABLE, complexity_figure, mac_with_model_figure
 from updater import Structure
 from updater.validation import ModelModes
 
@@ -87,12 +78,13 @@ def _geometry(results: Results) -> tuple[dict[str, Place] | None, dict[int, Vect
 
 def _pictures(results: Results) -> dict[str, Callable[[], Figure]]:
     estimate, model = results.estimate, results.model
-    skeleton = Skeleton.of_sensors(results.geometry) if results.geometry else None
     pictures: dict[str, Callable[[], Figure]] = {
-        "stabilization.png": lambda: plot_stabilization(results.found, results.recording, estimate),
-        "singular_values.png": lambda: plot_spectrum(results.recording, results.found, estimate),
-        "mac.png": lambda: mac_figure(estimate, model.near(estimate.frequency) if model else None),
-        "shapes.png": lambda: plot_deformed_shapes(estimate, model) if model else plot_shapes_on(estimate, skeleton),
+        "stabilization.png": lambda: results.found.plot_stabilization(results.recording, estimate),
+        "singular_values.png": lambda: plot_spectrum(results.recording, estimate, results.found.harmonics),
+        "mac.png": lambda: mac_with_model_figure(estimate, model.near(estimate.frequency) if model else None),
+        "shapes.png": lambda: (
+            plot_deformed_shapes(estimate, model) if model else estimate.plot_shapes(results.geometry)
+        ),
         "complexity.png": lambda: complexity_figure(estimate),
     }
     if len(results.windows) >= _TRACKS:

@@ -14,19 +14,21 @@ from matplotlib.figure import Figure
 from daq import FloatArray
 from daq.files import FrequencyResponses, Geometry, header_set, write_responses
 from monitor.analysis.modal_table.responses import IdentifiedFile
-from monitor.views.plots.identification import (
+from monitor.views.plots.identification_folder import structure_geometry
+from oma import ComplexArray, ResponseIdentification, places_by_name, write_universal
+from oma.plots import (
     LINE,
     MODE,
+    Skeleton,
     complexity_figure,
     draw_damping,
     draw_poles,
+    figure_of_modes,
     highest_shown,
-    mac_figure,
+    mac_with_model_figure,
     mark_modes,
 )
-from monitor.views.plots.identification_folder import structure_geometry
-from monitor.views.plots.mode_shapes import Skeleton, figure_of_modes, plot_shapes_on
-from oma import ComplexArray, ResponseIdentification, places_by_name, write_universal
+from updater.quantities import Vector
 from updater.validation import ModelModes
 
 _DPI = 110
@@ -43,6 +45,14 @@ class ResponseResults:
     model: ModelModes | None  #: model to compare with
     geometry: Geometry | None  #: of the file
     content: Mapping[str, Any]  #: content of modes.json
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _FileGeometry:
+    """Geometry of a file, to draw shapes on."""
+
+    axis_lines: FloatArray  #: (n_lines, 2, 3) their ends [m]
+    measuring_axes: Mapping[str, tuple[Vector, Vector]]  #: channel -> position [m], direction
 
 
 def draw_response_modes(path: Path, found: ResponseIdentification) -> None:
@@ -78,12 +88,14 @@ def write_response_folder(folder: Path, results: ResponseResults) -> list[Path]:
     measured = results.identified.responses
     write_responses(written[2], measured, header_set("accelerances as analysed"))
     write_responses(written[3], _synthesis(measured, found), header_set("accelerances of the modes"))
-    skeleton = Skeleton.of_structure(model.structure) if model else _skeleton(results)
+    skeleton = model.structure if model else _skeleton(results)
     pictures: dict[str, Callable[[], Figure]] = {
         "stabilization.png": lambda: stabilization_figure(found),
         "responses.png": lambda: response_figure(found),
-        "mac.png": lambda: mac_figure(found.estimate, model.near(found.estimate.frequency) if model else None),
-        "shapes.png": lambda: plot_shapes_on(found.estimate, skeleton),
+        "mac.png": lambda: mac_with_model_figure(
+            found.estimate, model.near(found.estimate.frequency) if model else None
+        ),
+        "shapes.png": lambda: found.estimate.plot_shapes(skeleton),
         "complexity.png": lambda: complexity_figure(found.estimate),
     }
     for name, draw in pictures.items():
@@ -162,7 +174,7 @@ def _skeleton(results: ResponseResults) -> Skeleton | None:
     if any(places[name].node not in geometry.nodes for name in channels):
         return None
     ends = [(a, b) for line in geometry.lines for a, b in pairwise(line)]
-    return Skeleton(
-        lines=np.array([[geometry.nodes[a], geometry.nodes[b]] for a, b in ends]).reshape(-1, 2, 3),
-        places={name: (geometry.nodes[places[name].node], places[name].direction) for name in channels},
+    return _FileGeometry(
+        axis_lines=np.array([[geometry.nodes[a], geometry.nodes[b]] for a, b in ends]).reshape(-1, 2, 3),
+        measuring_axes={name: (geometry.nodes[places[name].node], places[name].direction) for name in channels},
     )

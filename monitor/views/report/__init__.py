@@ -21,8 +21,8 @@ from monitor.results.windows import ReferenceResult
 from monitor.views.report.content import diagnosis_content, run_content, versions
 from monitor.views.report.pdf import load_typst as load_typst
 from monitor.views.report.pdf import pdf_of
-from monitor.views.report.svg import styled
 from monitor.views.run import Run
+from oma.plots import styled
 from updater import Structure
 
 

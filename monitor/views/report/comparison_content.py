@@ -8,12 +8,13 @@ from monitor.results.comparison import DiscrepancyResult, ModeComparison, Sensor
 from monitor.results.state_comparison import StateComparison
 from monitor.results.windows import ReferenceResult
 from monitor.text.causes import CLEAR_ODDS, MARK, NOT_COMPARED, missed_text, unmeasured_text
-from monitor.text.quantities import optional, plain
+from monitor.text.quantities import optional
 from monitor.text.sensors import health_rows, worst_sensor_text
 from monitor.views.report import comparison_figures as beside
 from monitor.views.report.fit_figures import density_figure
 from monitor.views.report.structure_figure import states_figure
 from monitor.views.report.svg import picture
+from updater.quantities import plain
 
 
 def measured_content(

@@ -17,7 +17,8 @@ from monitor.results.windows import ReferenceResult
 from monitor.text.causes import SIGNIFICANT, position_text
 from monitor.views.geometry import Geometry
 from monitor.views.report.structure_figure import Frame
-from monitor.views.report.svg import ALARM, FAINT, INK, LIGHT, OK, SENSOR, SOFT, WIDTH, mode_colour, new_figure
+from monitor.views.report.svg import LIGHT, SENSOR, mode_colour
+from oma.plots import ALARM, FAINT, INK, OK, SOFT, WIDTH, new_figure
 
 _WRITTEN = 10  # modes up to which each MAC is written into its cell
 _MIN = 1e-5  # smallest value on a logarithmic scale

@@ -42,9 +42,9 @@ from monitor.text.diagnosis import (
     within_record_text,
 )
 from monitor.text.modal_change import modal_change_text
-from monitor.text.quantities import optional, plain, share_text, utc
+from monitor.text.quantities import optional, share_text, utc
 from monitor.text.sensors import health_rows
-from monitor.text.verdicts import accepted_text, diagnosis_text, headline, is_one_mass, last_state
+from monitor.text.verdicts import accepted_text, headline, is_one_mass, last_state, verdict_text
 from monitor.views.report import fit_figures as fits
 from monitor.views.report import place_figures as places
 from monitor.views.report import time_figures as trends
@@ -54,7 +54,8 @@ from monitor.views.report.svg import Picture, picture
 from monitor.views.run import Run
 from oma import mac_matrix
 from updater import Cause, Gain
-from updater.diagnosis import FittedCause, ModeFit
+from updater.diagnosis import FittedCause, ModeFit, evidence_figure, fits_figure
+from updater.quantities import plain
 
 _VERSIONS = ("modalwatch", "numpy", "scipy", "rerun-sdk")
 
@@ -314,18 +315,22 @@ def _diagnosis(
 ) -> dict[str, Any]:
     """Return the values without the picture of the places."""
     within = diagnosis.within_record
-    fitted = [one for cause in listed_causes(diagnosis.causes) for one in (cause, *cause.alternatives)]
+    causes = listed_causes(diagnosis.causes)
+    fitted = [one for cause in causes for one in (cause, *cause.alternatives)]
     return {
         "places": None,
         "has_region": any(one.where and one.where.region for one in fitted),
         "fits": picture(
-            lambda: fits.fits_figure(diagnosis), "Errors of the model mode by mode, without and with the causes"
+            lambda: fits_figure(causes, diagnosis.modes),
+            "Errors of the model mode by mode, without and with the causes",
         ),
-        "evidence": picture(lambda: fits.evidence_figure(diagnosis), "Log evidence of every cause that was tried"),
+        "evidence": picture(
+            lambda: evidence_figure(causes, diagnosis.rejected), "Log evidence of every cause that was tried"
+        ),
         "measured": measured_content(found, reference, states) if found else None,
         "verdict": diagnosis.verdict,
-        "text": diagnosis_text(diagnosis),
-        "causes": [row for cause in listed_causes(diagnosis.causes) for row in _cause_rows(cause, diagnosis)],
+        "text": verdict_text(diagnosis),  # the headline has the causes, and so has the table
+        "causes": [row for cause in causes for row in _cause_rows(cause, diagnosis)],
         "rejected": _refused(diagnosis),
         "n_rejected": len(diagnosis.rejected),
         "failed": [failed_text(failed) for failed in diagnosis.failed],

@@ -8,7 +8,8 @@ from daq import FloatArray
 from monitor.results.windows import MassAnswer, MassIncrements, ReferenceResult
 from monitor.views.member_axis import Unrolled, axis_of, has_profile, sigmas
 from monitor.views.report.structure_figure import Frame
-from monitor.views.report.svg import ADDED, REGION, SOFT, mode_colour, new_figure
+from monitor.views.report.svg import ADDED, REGION, mode_colour
+from oma.plots import SOFT, new_figure
 
 _DIRECTIONS = ("x", "y", "z")
 _MAX_SIGMAS = 12.0

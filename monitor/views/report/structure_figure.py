@@ -16,19 +16,8 @@ from monitor.results.state_comparison import StateComparison
 from monitor.results.windows import Interval, MassAnswer, MassIncrements, ReferenceResult
 from monitor.views.geometry import Geometry, screen
 from monitor.views.member_axis import sigmas
-from monitor.views.report.svg import (
-    ADDED,
-    FAINT,
-    INK,
-    REGION,
-    REMOVED,
-    SENSOR,
-    SOFT,
-    WARN,
-    bare,
-    mode_colour,
-    new_figure,
-)
+from monitor.views.report.svg import ADDED, REGION, REMOVED, SENSOR, WARN, bare, mode_colour
+from oma.plots import FAINT, INK, SOFT, new_figure
 from updater.quantities import Vector
 
 _SIDE = (30.0, 20.0)  # degrees: azimuth and elevation of the eye

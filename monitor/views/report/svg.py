@@ -1,22 +1,19 @@
-"""Style and output of figures: matplotlib without a display and without global state."""
+"""Figures of the page as pictures: matplotlib without a display."""
 
 import base64
 import io
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
-import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from monitor.optional import run_optional
+from oma.plots import FAINT, INK, SOFT
 
-INK, SOFT, FAINT = "#1d2733", "#66707c", "#d8dde3"
 LIGHT = "#fefefe"  #: on dark parts of a picture, on a dark page as well: `data_uri` does not exchange it
-OK, WARN, ALARM, REGION = "#2f9e62", "#d08a00", "#cc3340", "#e3b341"
+WARN, REGION = "#d08a00", "#e3b341"
 ADDED, REMOVED, SENSOR = "#cc3340", "#2f6fcc", "#1b86b8"
 _MODES = ("#2f6fcc", "#dd7a1c", "#239a68", "#8a55d6", "#d8457b", "#1f9fb4", "#a08d12", "#5e6875", "#d1492e", "#6a9a1f")
 _THEME = {
@@ -25,47 +22,15 @@ _THEME = {
     "faint": (FAINT, "#323b46"),
     "paper": ("#ffffff", "#12161b"),
 }  # colours of a light and of a dark page
-WIDTH = 5.2  #: inches: half of the page, all of a telephone's
 _LIGHT, _DARK = ("".join(f"--{name}:{pair[i]};" for name, pair in _THEME.items()) for i in (0, 1))
 _STYLE_ELEMENT = f"<style>:root{{{_LIGHT}}}@media (prefers-color-scheme:dark){{:root{{{_DARK}}}}}</style>"
 _ADDRESS = "data:image/svg+xml;base64,"
 _DPI = 220  # of PNG images
-_STYLE: Any = {
-    "font.size": 8.5,
-    "axes.titlesize": 9,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.edgecolor": SOFT,
-    "axes.labelcolor": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": FAINT,
-    "grid.linewidth": 0.6,
-    "text.color": INK,
-    "xtick.color": SOFT,
-    "ytick.color": SOFT,
-    "legend.frameon": False,
-    "svg.hashsalt": "modalwatch",  # the same figure gives the same bytes
-    "svg.fonttype": "path",
-}
 
 
 def mode_colour(number: int) -> str:
     """Return the colour of a mode, counted from 1."""
     return _MODES[(number - 1) % len(_MODES)]
-
-
-def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure [inches] with automatic layout."""
-    return Figure(figsize=(width, height), layout="constrained")
-
-
-@contextmanager
-def styled() -> Iterator[None]:
-    """Draw and save figures in the page's style; the previous style is restored."""
-    with mpl.rc_context(_STYLE):
-        yield
 
 
 def svg(figure: Figure) -> str:

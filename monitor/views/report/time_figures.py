@@ -12,7 +12,8 @@ from daq import FloatArray
 from monitor.results.run_results import RunResults, find_mode
 from monitor.results.windows import Novelty, Spectrum, WindowResult
 from monitor.views.member_axis import side_by_side
-from monitor.views.report.svg import ALARM, INK, OK, SOFT, WIDTH, mode_colour, new_figure
+from monitor.views.report.svg import mode_colour
+from oma.plots import ALARM, INK, OK, SOFT, WIDTH, new_figure
 
 _COLUMNS = 3
 _MIN_RATIO = 1e-2  # novelty over limit that is drawn at the least

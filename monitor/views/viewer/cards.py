@@ -17,9 +17,10 @@ from monitor.text.causes import (
     probability_text,
 )
 from monitor.text.modal_change import modal_change_text
-from monitor.text.quantities import plain, share_text
+from monitor.text.quantities import share_text
 from monitor.text.verdicts import diagnosis_text, is_one_mass
 from monitor.views.viewer.primitives import at, clock
+from updater.quantities import plain
 
 _MAX_REFUSED = 6  # causes whose refusal is listed individually
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass

@@ -12,13 +12,13 @@ from monitor.results.run_results import RunResults, standing_answer, thin
 from monitor.results.windows import MassAnswer, ReferenceResult, WindowResult
 from monitor.text.cause_list import listed_causes
 from monitor.text.causes import placed_text
-from monitor.text.quantities import plain, share_text
+from monitor.text.quantities import share_text
 from monitor.text.verdicts import is_one_mass
 from monitor.views.geometry import Geometry, screen
 from monitor.views.palette import ALARM, DIM, GREY, LIGHTER, REGION, SENSOR, STEEL, TEXT, heat
 from monitor.views.viewer.primitives import at, once
 from updater import Cause
-from updater.quantities import Vector
+from updater.quantities import Vector, plain
 
 TUBE = 0.0095  # of the structure's size, radius of its members
 SIDE = (24.0, 12.0)  # degrees: azimuth and elevation of the viewer

@@ -12,11 +12,11 @@ import pytest
 from daq.files import TIME_UNITS as UNITS_OF_TIMES
 from monitor.cli.commands import COMMANDS, command, command_function
 from monitor.cli.options import ANIMATIONS, METHODS, TIME_UNITS
-from monitor.text.quantities import cause_name, plain
 from monitor.views.animation import SUFFIXES
 from oma import METHODS as METHODS_OF_OMA
 from tests.support.monitor.cli import Commands
 from updater.causes import CATALOGUE
+from updater.quantities import cause_name, plain
 
 CLI = Path(inspect.getfile(command)).parent
 HEAVY = {"numpy", "scipy", "pydantic", "rerun", "rich", "matplotlib", "daq", "oma", "updater"}

@@ -12,7 +12,6 @@ from PIL import Image, ImageChops, ImageSequence
 from monitor.results.sensor_geometry import SensorGeometry
 from monitor.views.animation import write_animation
 from monitor.views.animation.drawing import SWAY
-from monitor.views.plots.mode_shapes import Skeleton, plot_shapes_on
 from oma import ModalEstimate
 from tests.support.updater.frames import as_estimate, t_frame
 from updater import build_model
@@ -62,7 +61,7 @@ def test_shapes_without_a_model_move_at_the_sensors(tmp_path: Path) -> None:
     size = np.linalg.norm(np.subtract(*data["points"]))
     np.testing.assert_allclose(data["modes"][0]["re"], SWAY * size * np.array([[0, 0, 0.75], [0, -1, 0]]), atol=2e-5)
     assert "torsion" not in page
-    shown = plot_shapes_on(estimate, Skeleton.of_sensors(SensorGeometry(sensors=sensors)))
+    shown = estimate.plot_shapes(SensorGeometry(sensors=sensors))
     assert len(shown.axes[0].collections) == 3  # the line, and an arrow per sensor
 
 

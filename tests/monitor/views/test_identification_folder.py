@@ -11,10 +11,8 @@ import pyuff
 from PIL import Image
 
 from daq import Channel, write_recording
-from monitor.views.plots import plot_shapes, plot_stabilization
-from monitor.views.plots.identification import complexity_figure, mac_figure, plot_tracks
-from monitor.views.plots.mode_shapes import figure_of_modes
-from oma import Identification, ModalEstimate, identify_all, mac_matrix, normalise, places_by_name
+from oma import Identification, ModalEstimate, identify_all, mac_matrix, normalise, places_by_name, plot_tracks
+from oma.plots import complexity_figure, figure_of_modes, mac_with_model_figure
 from tests.support.monitor.cli import Commands, assert_refused
 from tests.support.monitor.seasons import FREQUENCY, Month, month
 from tests.support.oma.structures import chain, simulate
@@ -89,13 +87,13 @@ def found_modes() -> tuple[ModalEstimate, Identification]:
 
 def test_diagrams_show_the_identified_modes() -> None:
     estimate, found = found_modes()
-    upper, lower, _ = plot_stabilization(found, simulate(CHAIN, 200.0, 40.0, seed=23)).axes
+    upper, lower, _ = found.plot_stabilization(simulate(CHAIN, 200.0, 40.0, seed=23)).axes
     shown = np.concatenate([np.asarray(line.get_xdata(), float) for line in upper.lines if line.get_marker() == "."])
     assert sorted(shown) == sorted(found.poles.frequency)
     (marked,) = (c for c in lower.containers if str(c.get_label()).startswith("mode"))
     points = np.asarray(marked[0].get_xydata())
     np.testing.assert_allclose(points, np.column_stack([estimate.frequency, 100 * estimate.damping]))
-    matrix = mac_figure(estimate, (CHAIN.frequency[:2], CHAIN.shapes[:2])).axes
+    matrix = mac_with_model_figure(estimate, (CHAIN.frequency[:2], CHAIN.shapes[:2])).axes
     own, other = (np.asarray(axes.images[0].get_array(), float) for axes in matrix[:2])
     np.testing.assert_allclose(own, mac_matrix(estimate.shape, estimate.shape))
     np.testing.assert_allclose(other, mac_matrix(estimate.shape, CHAIN.shapes[:2]))
@@ -125,7 +123,7 @@ def test_each_mode_has_one_colour_over_time() -> None:
 def drawn_arrows(estimate: ModalEstimate, channels: Sequence[str]) -> int:
     structure = parse_structure(t_structure_toml(), "t")
     named = replace(estimate, channels=tuple(channels))
-    return sum(len(axes.collections) - 1 for axes in plot_shapes(named, structure).axes)
+    return sum(len(axes.collections) - 1 for axes in named.plot_shapes(structure).axes)
 
 
 def test_shapes_are_drawn_at_the_sensors() -> None:

@@ -11,8 +11,7 @@ from monitor.results.windows import Result, WindowResult
 from monitor.settings import Settings, parse_settings
 from monitor.watch.memory import Memory
 from monitor.watch.pipeline import Pipeline
-from oma import ChannelFault, Identification, ModalEstimate, WindowQuality
-from oma.selection import Stabilization
+from oma import ChannelFault, Identification, ModalEstimate, Stabilization, WindowQuality
 from tests.support.updater.reference_frame import measure, true_model
 from updater import Body, ModalDataError, Structure, parse_structure, t_structure_toml
 

@@ -55,10 +55,10 @@ def test_forecast_reports_the_useful_number_of_windows(rig: Rig) -> None:
     twice = found.distance_std**2 > 2 * found.least_distance_std**2
     np.testing.assert_array_equal(twice, found.n < found.enough)
     assert (found.windows, found.limited_by) == (2, "windows")
-    assert f"up to about {found.enough}" in forecast_text(found)
+    assert f"up to about {found.enough}" in forecast_text(found, 2e-3)
     later = sharpening(rig.reference, rig.event(4 * found.enough))
     assert later.limited_by != "windows"
-    assert "more windows will not reduce the deviation" in forecast_text(later)
+    assert "more windows will not reduce the deviation" in forecast_text(later, 2e-3)
 
 
 def test_short_baseline_limits_the_accuracy_before_the_model(rig: Rig) -> None:
@@ -67,7 +67,7 @@ def test_short_baseline_limits_the_accuracy_before_the_model(rig: Rig) -> None:
     noisy = replace(baseline, log_frequency_std=10 * baseline.log_frequency_std, shape_std=10 * baseline.shape_std)
     found = sharpening(replace(rig.reference, baseline=noisy), rig.event(16))
     assert found.limited_by == "baseline"
-    assert "a longer baseline would" in forecast_text(found)
+    assert "a longer baseline would" in forecast_text(found, 2e-3)
 
 
 def test_forecast_accuracy_matches_the_result_of_more_windows(rig: Rig) -> None:

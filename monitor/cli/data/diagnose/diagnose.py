@@ -104,7 +104,7 @@ def diagnose(
     sensor_dead. The words of an answer, such as 'dead sensor', are accepted too.
 
     Example:
-    modalwatch diagnose structure.toml now.mcap --reference before.mcap --out found
+    modalwatch diagnose structure.toml now.mcap --reference before.mcap --out out
     """
     from monitor.analysis.selection import Selection
     from monitor.analysis.time_range import time_range
@@ -119,7 +119,7 @@ def diagnose(
     )
     from monitor.cli.output import check_outputs, existing_in
     from monitor.errors import ArgumentError
-    from monitor.text.quantities import cause_name
+    from updater.quantities import cause_name
 
     check_outputs({"--out": existing_in(out, FOLDER_FILES), "--pdf": pdf, "--json": json}, force=force)
     if not out:

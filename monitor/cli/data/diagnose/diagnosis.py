@@ -48,13 +48,13 @@ from monitor.text.causes import (
     uncertain_text,
 )
 from monitor.text.diagnosis import written_bodies_texts
-from monitor.text.quantities import plain
 from monitor.text.sensors import health_result
 from monitor.views.report import diagnosis_report, load_typst
 from updater import DiagnosisResult, ModelError, Structure, build_model, dump_structure, load_structure, parse_structure
 from updater.diagnosis import allowed_causes
 from updater.errors import SelectionError
 from updater.modal_data import Effort
+from updater.quantities import plain
 from updater.reference import Calibration
 from updater.structure import without_empty_segments
 

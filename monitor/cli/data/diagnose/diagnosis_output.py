@@ -37,10 +37,11 @@ from monitor.text.diagnosis import (
     smallest_changes_text,
     within_record_text,
 )
-from monitor.text.quantities import optional, plain
+from monitor.text.quantities import optional
 from monitor.text.sensors import health_text, worst_sensor_text
 from monitor.text.verdicts import has_only_fitted_parameters, verdict_text
 from updater import Cause, Gain, Structure
+from updater.quantities import plain
 from updater.structure import place_name
 
 _STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}

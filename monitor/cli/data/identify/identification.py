@@ -127,7 +127,7 @@ def first_window(
 
 def draw_window(path: Path, recording: Recording, found: Identification, estimate: ModalEstimate) -> None:
     """Draw one window, with the modes of all."""
-    from monitor.views.plots.mode_shapes import draw_modes  # matplotlib is loaded only if a picture is requested
+    from monitor.views.plots.identification import draw_modes  # matplotlib is loaded only if a picture is requested
 
     with drawing(path, "--picture"):
         draw_modes(path, recording, found, estimate)

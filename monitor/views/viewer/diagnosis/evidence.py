@@ -5,9 +5,9 @@ import rerun as rr
 
 from daq import FloatArray
 from monitor.results.comparison import DiagnosisAnswer
-from monitor.text.quantities import plain
 from monitor.views.palette import ALARM, DIM, GREY, OK, STEEL, TEXT
 from monitor.views.viewer.primitives import bars, text
+from updater.quantities import plain
 
 _LINEAR = 5.0  # log evidence up to which the scale is linear: ratio of 150 to 1
 _WIDTH, _STEP, _BAR = 120.0, 9.0, 2.6  # of the longest bar, between bars, and half of a bar's height

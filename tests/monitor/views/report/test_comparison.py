@@ -103,13 +103,18 @@ def test_missing_results_omit_their_part_of_the_page(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_modes_of_the_model_that_were_never_measured_are_counted_not_listed(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("frequencies", "text"), [((77.5, 61.25), "61.25 to 77.5 Hz"), ((10.651, 10.652), "both at 10.65 Hz")]
+)
+def test_modes_of_the_model_that_were_never_measured_are_counted_not_listed(
+    frequencies: tuple[float, ...], text: str, tmp_path: Path
+) -> None:
     found = shown()
     empty = {"measured": None, "off_percent": None, "std_percent": None, "mac": None, "compared": False}
-    never = [found.modes[0].model_copy(update=empty | {"simulated": f}) for f in (61.25, 77.5)]
+    never = [found.modes[0].model_copy(update=empty | {"simulated": f}) for f in frequencies]
     terminal = Console(record=True, width=200, force_terminal=True, file=StringIO())
     more = found.model_copy(update={"modes": (*found.modes, *never)})
     say_evidence(terminal, answers.diagnosis(), more, STRUCTURE)
     for words in (terminal.export_text(), page_of(more, tmp_path).words):
-        assert "ot measured, neither before nor now: 2 modes of the model, 61.25 to 77.5 Hz" in words
+        assert f"ot measured, neither before nor now: 2 modes of the model, {text}" in words
         assert "* 61.25" not in words

@@ -15,7 +15,7 @@ import pytest
 from monitor.errors import ResultsError
 from monitor.results.run_results import RunResults
 from monitor.results.windows import AcceptedShift, AlarmResult, OtherPlace
-from monitor.text.quantities import plain, utc
+from monitor.text.quantities import utc
 from monitor.text.verdicts import headline as verdict
 from monitor.views.report import diagnosis_report, load_diagnosis, pdf, run_report
 from monitor.views.run import DeviceQuality, Run, load_run
@@ -25,6 +25,7 @@ from tests.support.monitor.cli import Commands, assert_refused
 from tests.support.monitor.comparison import shown
 from tests.support.thorough import few_of
 from updater import t_structure_toml
+from updater.quantities import plain
 
 ROOT = Path(__file__).parents[4]
 LOG = ROOT / "replay_data" / "t_frame_added_mass.mcap"

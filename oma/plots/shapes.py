@@ -1,9 +1,7 @@
-"""Identified modes drawn: the spectrum with the stabilization diagram, and the shapes."""
+"""Mode shapes: bars, one per channel, or arrows at the sensors of a structure."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from itertools import pairwise
-from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,19 +9,9 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
-from daq import FloatArray, Recording
+from daq import FloatArray
 from daq.notebook import number_text
-from monitor.results.sensor_geometry import SensorGeometry
-from monitor.views.plots.identification import (
-    LINE,
-    STABLE,
-    draw_poles,
-    draw_spectrum_behind,
-    highest_shown,
-    mark_modes,
-)
-from oma import Identification, ModalEstimate
-from updater import Structure
+from oma.plots.diagrams import LINE, STABLE, Modes
 
 _BARS_IN_ROW = 6  # shapes in a row below the diagram
 _MAX_SHAPES = 24  # modes whose shapes are drawn below the diagram
@@ -31,51 +19,22 @@ _COLUMNS = 4
 _NAMES = 20  # of channels, below a shape
 _SWAY = 0.2  # of the structure's size: the longest arrow
 
-
 Vector = tuple[float, float, float]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Skeleton:
-    """Lines and places of channels, to draw shapes on."""
+class Skeleton(Protocol):
+    """Structure that shapes are drawn on; `updater.Structure` is one."""
 
-    lines: FloatArray  #: (n_lines, 2, 3) their ends [m]
-    places: Mapping[str, tuple[Vector, Vector]]  #: channel -> position [m], direction
+    @property
+    def axis_lines(self) -> FloatArray:
+        """Ends (n_lines, 2, 3) of the straight lines to draw [m]."""
 
-    @classmethod
-    def of_structure(cls, structure: Structure) -> "Skeleton":
-        """Return the members and sensors of a structure."""
-        return cls(
-            lines=np.array([[member.start, member.end] for member in structure.member]),
-            places={sensor.channel: (sensor.at, sensor.direction) for sensor in structure.corrected_sensors},
-        )
-
-    @classmethod
-    def of_sensors(cls, geometry: SensorGeometry) -> "Skeleton":
-        """Return positions of sensors, and the lines between them."""
-        at = np.array(geometry.nodes)
-        pairs = [at[list(pair)] for chain in geometry.chains for pair in pairwise(chain)]
-        return cls(lines=np.array(pairs), places=geometry.sensors)
+    @property
+    def measuring_axes(self) -> Mapping[str, tuple[Vector, Vector]]:
+        """Channel -> position of its sensor [m], and its direction, of any length."""
 
 
-def draw_modes(path: Path, recording: Recording, found: Identification, estimate: ModalEstimate) -> None:
-    """Write a PNG.
-
-    Parameters
-    ----------
-    path : of the picture
-    recording, found : a window and its identification: spectrum and poles
-    estimate : the modes to mark, of this window or of many
-    """
-    figure, diagram = figure_of_modes(estimate)
-    highest = highest_shown(estimate)
-    draw_poles(diagram, found.poles, highest)
-    draw_spectrum_behind(diagram, recording, highest)
-    mark_modes(diagram, estimate, found.harmonics, highest)
-    figure.savefig(path, dpi=110)
-
-
-def figure_of_modes(estimate: ModalEstimate) -> tuple[Figure, Axes]:
+def figure_of_modes(estimate: Modes) -> tuple[Figure, Axes]:
     """Return a figure of the shapes as bars, and the axes above them, for a diagram."""
     n = min(_MAX_SHAPES, estimate.n_modes)
     columns = min(_BARS_IN_ROW, n)
@@ -92,21 +51,8 @@ def figure_of_modes(estimate: ModalEstimate) -> tuple[Figure, Axes]:
     return figure, diagram
 
 
-def plot_shapes(estimate: ModalEstimate, structure: Structure | None = None) -> Figure:
-    """Draw all mode shapes: as arrows at the sensors of a structure; without one as bars, one per channel.
-
-    Raises
-    ------
-    ValueError
-        If the structure has no sensor of these channels.
-    """
-    if structure and not {sensor.channel for sensor in structure.corrected_sensors} & set(estimate.channels):
-        raise ValueError(f"structure: expected a sensor of {', '.join(estimate.channels)}, found none")
-    return plot_shapes_on(estimate, Skeleton.of_structure(structure) if structure else None)
-
-
-def plot_shapes_on(estimate: ModalEstimate, skeleton: Skeleton | None) -> Figure:
-    """Draw all mode shapes as arrows on a skeleton, or as bars; see `plot_shapes`."""
+def shapes_figure(estimate: Modes, skeleton: Skeleton | None = None) -> Figure:
+    """Draw all mode shapes: as arrows at the sensors of a structure; without one as bars, one per channel."""
     columns = min(_COLUMNS, estimate.n_modes)
     rows = -(-estimate.n_modes // columns)
     figure = Figure(figsize=(3.6 * columns, (4.0 if skeleton else 3.2) * rows), layout="constrained")
@@ -123,7 +69,7 @@ def plot_shapes_on(estimate: ModalEstimate, skeleton: Skeleton | None) -> Figure
     return figure
 
 
-def _draw_bars(axes: Axes, estimate: ModalEstimate, k: int) -> None:
+def _draw_bars(axes: Axes, estimate: Modes, k: int) -> None:
     """Draw one shape as bars, with two standard deviations each way."""
     place = np.arange(len(estimate.channels))
     axes.bar(place, estimate.shape[k].real, yerr=2 * estimate.shape_std[k], color=STABLE, ecolor=LINE, capsize=2)
@@ -134,23 +80,23 @@ def _draw_bars(axes: Axes, estimate: ModalEstimate, k: int) -> None:
     axes.set_title(_title(estimate, k), fontsize=9)
 
 
-def _title(estimate: ModalEstimate, k: int) -> str:
+def _title(estimate: Modes, k: int) -> str:
     return (
         f"{k + 1}: {number_text(estimate.frequency[k], estimate.frequency_std[k])} Hz\n"
         f"{number_text(100 * estimate.damping[k], 100 * estimate.damping_std[k])} %"
     )
 
 
-def _draw_arrows(axes: Axes3D, estimate: ModalEstimate, k: int, skeleton: Skeleton) -> None:
+def _draw_arrows(axes: Axes3D, estimate: Modes, k: int, skeleton: Skeleton) -> None:
     """Draw the lines, and at each place with sensors how it moves."""
-    axes.add_collection3d(Line3DCollection(list(skeleton.lines), colors=LINE, linewidths=1.0, alpha=0.6))
+    axes.add_collection3d(Line3DCollection(list(skeleton.axis_lines), colors=LINE, linewidths=1.0, alpha=0.6))
     motion: dict[Vector, FloatArray] = {}
-    for channel, (at, direction) in skeleton.places.items():
+    for channel, (at, direction) in skeleton.measuring_axes.items():
         if channel in estimate.channels:
             way = np.array(direction) / np.linalg.norm(direction)
             value = estimate.shape[k, estimate.channels.index(channel)].real
             motion[at] = motion.get(at, np.zeros(3)) + value * way
-    points = np.concatenate([skeleton.lines.reshape(-1, 3), np.array(list(motion))])
+    points = np.concatenate([skeleton.axis_lines.reshape(-1, 3), np.array(list(motion))])
     low, high = points.min(axis=0), points.max(axis=0)
     size = float((high - low).max()) or 1.0
     longest = max(float(np.linalg.norm(m)) for m in motion.values()) or 1.0

@@ -1,8 +1,7 @@
-"""Values of a diagnosis; `monitor` makes the JSON of `modalwatch diagnose` from them."""
+"""Values that a diagnosis consists of; `monitor` makes the JSON of `modalwatch diagnose` from them."""
 
 from typing import Literal
 
-from daq.notebook import html_table, number_text
 from updater.quantities import Breathing, ParameterChange, PlainValue, Quantity, Vector, Where
 
 Verdict = Literal["nothing_to_explain", "explained", "ambiguous", "unexplained"]
@@ -203,48 +202,3 @@ class CalibrationSummary(PlainValue):
     #: moduli of metals that were fitted farther from the file than metals differ: the file has other errors
     unusual_moduli: tuple[ParameterChange, ...] = ()
     fits_reference: bool = True  #: false if this error is that of a model of another structure: no change is explained
-
-
-class Diagnosis(PlainValue):
-    """Errors of the simulation, or changes of the structure."""
-
-    verdict: Verdict
-    causes: tuple[Cause, ...]
-    modes: tuple[ModeFit, ...]
-    gain: Gain | None
-    calibration: CalibrationSummary | None = None  #: None if the structure file was not calibrated
-    failed: tuple[Failed, ...] = ()  #: parts left out because of internal faults
-    #: per kind, if a structure file is compared and only errors of the file are named
-    smallest_changes: tuple[SmallestChange, ...] = ()
-    mass_tests: tuple[MassTestFit, ...] = ()  #: records with a known mass, and what the best causes predict
-
-    def __repr__(self) -> str:
-        causes = ", ".join(f"{cause.cause} {_probability(cause)}" for cause in self.causes)
-        return f"{type(self).__name__}({self.verdict}{': ' if causes else ''}{causes})"
-
-    __str__ = __repr__
-
-    def _repr_html_(self) -> str:
-        """Return a table of the causes, for notebooks."""
-        head = ("cause", "probability", "parameters", "place", "position [m]")
-        return html_table(self.verdict, head, map(_cells, self.causes))
-
-
-def _probability(cause: Cause) -> str:
-    """Return a probability, never rounded to certainty."""
-    return "> 0.99" if cause.probability > 0.99 else f"{cause.probability:.3f}"
-
-
-def _cells(cause: Cause) -> tuple[str, ...]:
-    """Return the row of a cause."""
-    where = cause.where or Where()
-    parameters = (f"{name} {number_text(q.value, q.std)} {q.unit}" for name, q in cause.parameters.items())
-    position = ", ".join(f"{x:.3f}" for x in where.position or ())
-    deviation = f" ± {where.position_std:.3f}" if where.position_std is not None else ""
-    return (
-        cause.cause.replace("_", " "),
-        _probability(cause),
-        ", ".join(parameters),
-        ", ".join(filter(None, (where.member, *where.channels))),
-        position + deviation,
-    )
