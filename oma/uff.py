@@ -105,7 +105,9 @@ def write_universal(
 def node_motion(
     channels: Sequence[str], shape: ComplexArray | FloatArray, places: Mapping[str, Place]
 ) -> tuple[list[int], ComplexArray]:
-    """Return the nodes with a channel, and the motion (n_modes, n_nodes, 3) of least length that the channels state.
+    """Return the nodes with a channel, and their motion (n_modes, n_nodes, 3) [-].
+
+    It is the shortest vector with the measured components: 0 in directions that are not measured.
 
     Parameters
     ----------

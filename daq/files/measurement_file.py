@@ -59,7 +59,28 @@ def read_data(
     names: Sequence[str] | None = None,
     date_order: str | None = None,
 ) -> Recording:
-    """Read the recording of a file of measurements: `read_measured` with `DataOptions` of the same names."""
+    """Read a file of measurements as one recording [m/s2].
+
+    Parameters
+    ----------
+    path : of the file
+    rate : samples per second [Hz], for a file without times
+    factor : of all channels [m/s2 per unit of the file]
+    start : time of the first sample [ns UTC], for a file without dates
+    time, time_unit : name and unit of the column of times
+    columns : column -> name of its channel, of those to read. Default: all with a unit of motion
+    velocities : channels that contain velocities, which are differentiated
+    temperature : name of the column of temperatures
+    names : of the columns of a file without headings
+    date_order : order of day and month in dates that leave it open
+
+    Raises
+    ------
+    DataError
+        Naming the file, and the line or column that cannot be read.
+    ValueError
+        If an argument is wrong.
+    """
     options = DataOptions(
         rate=rate,
         factor=factor,

@@ -175,7 +175,7 @@ def detrended(data: FloatArray) -> FloatArray:
 
 
 def detrended_pieces(data: FloatArray, length: int) -> Iterator[FloatArray]:
-    """Yield the same in pieces of some samples: the mean and slope removed are those of the whole."""
+    """Yield the result of `detrended` in pieces of `length` samples; mean and slope are those of the whole record."""
     time = np.linspace(-1.0, 1.0, len(data))
     mean, slope = data.mean(axis=0), time @ data / max(float(time @ time), 1e-300)
     is_complete = np.isfinite(mean).all() and np.isfinite(slope).all()

@@ -106,7 +106,13 @@ def filled(data: FloatArray, *, in_place: bool = False) -> FloatArray:
 
 
 def bridged(data: FloatArray, missing: BoolArray) -> FloatArray:
-    """Fill gaps with straight lines."""
+    """Fill gaps with straight lines between the samples before and after them.
+
+    Parameters
+    ----------
+    data : (n_samples, n_channels) [any unit]
+    missing : (n_samples, n_channels) true where a sample is missing
+    """
     result = data.copy()
     time = np.arange(len(data))
     for column, gap in zip(result.T, missing.T, strict=True):

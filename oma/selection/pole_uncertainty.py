@@ -65,10 +65,12 @@ def block_std(influence: FloatArray) -> FloatArray:
     Parameters
     ----------
     influence : (n_blocks, ...) array
+        Influence of each block on the quantities [any unit].
 
     Returns
     -------
     (...) array
+        [the same unit].
     """
     result: FloatArray = np.std(influence, axis=0, ddof=1) * np.sqrt(len(influence))
     return result

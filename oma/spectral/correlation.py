@@ -133,11 +133,13 @@ def covariance(correlation: FloatArray, block_rows: int) -> FloatArray:
     Parameters
     ----------
     correlation : (n_lags, n_channels, n_channels) array
+        [(m/s2)^2].
     block_rows : int
 
     Returns
     -------
     (block_rows * n_channels, block_rows * n_channels) array
+        [(m/s2)^2].
     """
     both = np.concatenate((correlation[block_rows - 1 : 0 : -1].transpose(0, 2, 1), correlation[:block_rows]))
     lag = np.arange(block_rows)

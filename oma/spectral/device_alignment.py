@@ -53,7 +53,7 @@ def device_delays(recording: Recording) -> dict[str, float]:
 
 
 def delays_of_clean(recording: Recording) -> dict[str, float]:
-    """Return the same as `device_delays` for a recording whose channels all have a signal."""
+    """Return device -> delay [s], as `device_delays`, for a recording whose channels all have a signal."""
     return _delays(recording, [channel.device for channel in recording.channels])
 
 

@@ -274,7 +274,13 @@ def singular_values(recording: Recording, n_fft: int = 4096) -> tuple[FloatArray
 
 
 def singular_values_of_clean(recording: Recording, n_fft: int = 4096) -> tuple[FloatArray, FloatArray]:
-    """Return the same as `singular_values` for a recording whose channels all have a signal."""
+    """Return frequencies [Hz] and values [(m/s2)^2/Hz] of `singular_values` for a recording without a silent channel.
+
+    Raises
+    ------
+    TooShort
+        If the recording has fewer than `n_fft` samples.
+    """
     data = recording.data
     if len(data) < n_fft:
         raise TooShort(recording.duration, n_fft / recording.rate)
@@ -285,7 +291,14 @@ def singular_values_of_clean(recording: Recording, n_fft: int = 4096) -> tuple[F
 
 
 def spectral_matrix(data: FloatArray, rate: float, n_fft: int) -> ComplexArray:
-    """Return the one-sided spectral density matrix, (n_frequencies, n_channels, n_channels)."""
+    """Return the one-sided spectral density matrix (n_frequencies, n_channels, n_channels) [unit of the data^2/Hz].
+
+    Parameters
+    ----------
+    data : (n_samples, n_channels), such as accelerations [m/s2]
+    rate : samples per second [Hz]
+    n_fft : samples of a segment (Welch's method, Hann windows, half overlap)
+    """
     return _one_sided(spectral_sums(data, rate, n_fft, 1))
 
 

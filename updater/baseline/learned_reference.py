@@ -76,10 +76,16 @@ def learn_reference(
     stiffness (eq. 8).
 
     Measured modes without a partner in the model are kept, so that no other mode is taken for them;
-    `calibration.tracks` has those with a partner. `delays` are kept for later windows: they have been removed from
-    these. With `stated`, the standard deviations of the windows are used as stated; else their actual scatter is
-    learned from three or more windows. If only frequencies were measured (not `shaped`), the shapes only serve to pair
-    modes.
+    `calibration.tracks` has those with a partner.
+
+    Parameters
+    ----------
+    structure : as in the file
+    estimates : of the windows, frequencies [Hz], shapes (n_modes, n_channels) [-]
+    tracks : per window (n_tracks,) indices into its modes, -1 for a mode that was not seen
+    delays : of the devices [s], which have been removed from these windows; kept for later ones
+    stated : whether the standard deviations of the windows are used as stated. Default: their scatter is learned
+    shaped : whether shapes were measured; if not, they only serve to pair modes
 
     Raises
     ------
@@ -134,7 +140,7 @@ def with_springs_at(reference: Reference, springs: Mapping[str, float], *, shape
     Parameters
     ----------
     reference : learned from that baseline
-    springs : flexibility by the key of its parameter, in the unit of the parameter
+    springs : flexibility by the key of its parameter [unit of the parameter: rad/(N m), m/N]
     shaped : whether shapes were measured
     """
     calibration = reference.calibration

@@ -159,7 +159,9 @@ class JointHypothesis(Generic[C]):
 
 
 def joint_opening(part: Fit[Any], others: Sequence[Fit[Any]]) -> FloatArray:
-    """Return the log likelihood ratio by the signals (n,) that the density of each alternative of a joint fit contains.
+    """Return the log likelihood ratio of the signals (n,) [-] that the density of each alternative of a fit contains.
+
+    It is the ratio for a loss of stiffness that opens and closes; of several such causes the largest counts.
 
     Parameters
     ----------
@@ -199,6 +201,12 @@ def effect_of(chosen: Sequence[SelectedCause]) -> Effect:
 
 
 def mac_of(data: Comparison, shape: FloatArray) -> FloatArray:
-    """Return the modal assurance criterion (n,) of measured shapes with others, one by one; NaN if not measured."""
+    """Return the modal assurance criterion (n_modes,) [-] of measured and other shapes; NaN if not measured.
+
+    Parameters
+    ----------
+    data : with the measured shapes
+    shape : (n_modes, n_channels) others, one per measured mode [-]
+    """
     mac = (data.shape * shape).sum(1) ** 2 / (shape**2).sum(1)
     return np.where(data.shaped, mac, np.nan)

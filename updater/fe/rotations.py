@@ -91,7 +91,13 @@ def _of_joints(model: Model) -> list[_Hinge]:
 
 
 def flexibility(model: Model, rows: sparse.csr_array) -> FloatArray:
-    """Return the diagonal (n,) of R K^-1 R^T, by one factorisation."""
+    """Return the diagonal (n,) of R K^-1 R^T, by one factorisation of the stiffness matrix K.
+
+    Parameters
+    ----------
+    model : with the stiffness matrix [N/m, N m/rad]
+    rows : (n, n_dofs) R, each row a displacement [m] or rotation [rad]; the result is in m/N or rad/(N m)
+    """
     solve = factorise(model.stiffness)
     blocks = (rows[i : i + _BLOCK].toarray() for i in range(0, len(rows.indptr) - 1, _BLOCK))
     return np.concatenate([(right * solve(right.T).T).sum(1) for right in blocks])

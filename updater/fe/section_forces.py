@@ -65,7 +65,19 @@ def _spans_at(model: Model, member: Member, at: FloatArray) -> Iterator[tuple[in
 
 
 def elastic_energy(model: Model, shape: FloatArray, members: Collection[str]) -> FloatArray:
-    """Return twice the elastic energy (n_modes,) of shapes (n_dofs, n_modes) in the elements of members, by name."""
+    """Return twice the elastic energy of shapes in the elements of some members.
+
+    Parameters
+    ----------
+    model : of beam elements
+    shape : (n_dofs, n_modes) displacements [m] and rotations [rad]
+    members : names of the members
+
+    Returns
+    -------
+    (n_modes,)
+        [J]; with shapes of unit modal mass [1/s2].
+    """
     kinds = defaultdict(list)  # elements of one matrix and direction
     for name, span in zip(model.member_names, model.elements, strict=True):
         if name in members:
@@ -84,7 +96,15 @@ def elastic_energy(model: Model, shape: FloatArray, members: Collection[str]) ->
 def parts_between(
     model: Model, shape: FloatArray, member: Member, start: float, end: float
 ) -> list[tuple[Element, FloatArray]]:
-    """Return the elements between two distances along a member [m], each with shapes (12, n_modes) in its own axes."""
+    """Return the elements on a part of a member, each with shapes (12, n_modes) in its own axes [m, rad].
+
+    Parameters
+    ----------
+    model : of beam elements
+    shape : (n_dofs, n_modes) displacements [m] and rotations [rad]
+    member : one of the structure
+    start, end : distances from the start of the member [m]
+    """
     own = [i for i, name in enumerate(model.member_names) if name == member.name]
     return [_local(model, shape, i) for i in own if start < _middle(model, member, i) < end]
 

@@ -55,10 +55,10 @@ def compare(
     reference : learned before
     event : (n_tracks,) mean of the windows since; NaN where a track is not seen, or only its frequency is known
     circumstances : further knowledge of the event
-    model_error : error of the reference at any point, relative to a mode's typical displacement; a larger one gives a
-        coarser search that misses less. The error of a mesh of faces adds to it
-    typical_shift : relative shift of frequencies that the change would cause at a typical place, if it is known to be
-        more than the mean of those measured: the error of the model is relative to it
+    model_error : error of the reference at any point, relative to a mode's typical displacement [-]; a larger one gives
+        a coarser search that misses less. The error of a mesh of faces adds to it
+    typical_shift : relative shift of frequencies [-] that the change would cause at a typical place, if it is known to
+        be more than the mean of those measured: the error of the model is relative to it
 
     Raises
     ------

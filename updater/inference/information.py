@@ -14,7 +14,7 @@ _DRAWS = 2000  # simulated measurements per hypothesis: the information is then 
 
 
 def entropy(probability: FloatArray) -> FloatArray:
-    """Return the entropy of probabilities (..., n) over the last axis [bit]."""
+    """Return the entropy (...) [bit] of probabilities (..., n) [-], which sum to one over the last axis."""
     logs = np.log2(probability, where=probability > 0, out=np.zeros_like(probability))
     return np.asarray(-(probability * logs).sum(-1))
 

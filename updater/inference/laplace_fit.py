@@ -161,10 +161,10 @@ class Fit(Generic[H]):
 
 
 def freedom_of_frequencies(comparison: Comparison, found: Fit[H]) -> float:
-    """Return the sum of squares that the whitened residuals of frequencies of the best alternative have on average.
+    """Return the mean sum of squares [-] of the whitened residuals of the best alternative's frequencies.
 
-    It is their number less the trace of the part of the hat matrix that is theirs: parameters that shapes and priors
-    determine take nothing from it.
+    It is the number of frequencies less the trace of their block of the hat matrix. Parameters that are determined by
+    shapes and priors do not reduce it.
 
     Parameters
     ----------
@@ -182,6 +182,9 @@ def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True, start: Fl
 
     Parameters
     ----------
+    comparison : measured
+    hypotheses : alternatives of one cause, or of several together
+    refine : whether places between those of the best alternatives are fitted too
     start : (n_alternatives, n_parameters) fitted to similar data, in the place of the alternatives' own start
     """
     own = hypotheses.start if start is None else start
@@ -392,7 +395,15 @@ def _adopt(point: Point, tried: Point, rows: IndexArray, chosen: BoolArray) -> N
 
 
 def evaluate(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, rows: IndexArray) -> Point:
-    """Return where alternatives `rows` leave the data with parameters theta (len(rows), n_parameters)."""
+    """Evaluate alternatives: prediction and whitened residuals.
+
+    Parameters
+    ----------
+    comparison : measured
+    hypotheses : alternatives
+    theta : (len(rows), n_parameters) their parameters [unit of each]
+    rows : numbers of the alternatives
+    """
     effect = hypotheses.effect(theta, rows)
     changed = reanalyse(comparison, effect)
     value, vector = picked(changed)
@@ -416,7 +427,20 @@ def _residual(
 def slopes(
     comparison: Comparison, hypotheses: Hypotheses, point: Point, rows: IndexArray, parameters: range | None = None
 ) -> FloatArray:
-    """Return the residuals' derivatives (len(rows), n_data + n_parameters, n_parameters), of all or some parameters."""
+    """Return the derivatives of the residuals with respect to the parameters.
+
+    Parameters
+    ----------
+    comparison, hypotheses : measured, and alternatives
+    point : evaluated alternatives
+    rows : their numbers
+    parameters : those with respect to which derivatives are computed. Default: all
+
+    Returns
+    -------
+    (len(rows), n_data + n_parameters, n_parameters)
+        Of whitened residuals [1/unit of the parameter].
+    """
     columns = list(range(len(hypotheses.prior_std)) if parameters is None else parameters)
     at = point.rows(rows)
     common = _common(hypotheses, at, rows)
@@ -445,12 +469,12 @@ def _parts_of(hypotheses: Hypotheses, rows: IndexArray) -> Sequence[Part]:
 
 
 def effects_of(parts: Sequence[Part], theta: FloatArray) -> list[Effect]:
-    """Return the effect (n,) of each cause; one that is the same in all rows is computed once.
+    """Return the effect of each cause for n alternatives; one that is the same in all rows is computed once.
 
     Parameters
     ----------
     parts : causes with the columns of their parameters and their alternatives (n,)
-    theta : (n, n_parameters)
+    theta : (n, n_parameters) parameters [unit of each cause]
     """
     return [
         cause.effect(theta[:2, own], number[:2]).rows(

@@ -22,15 +22,22 @@ _MAX_TURNED = 50.0  # omega_i^2 / |omega_k^2 - omega_i^2|: closer modes are no l
 
 
 def first_order(comparison: Comparison, slope: FloatArray, prior_std: float = np.inf) -> tuple[FloatArray, FloatArray]:
-    """Return the parameters (n, k) at which fits of n alternatives begin, and the explained part of chi-square (n,).
+    """Estimate parameters of n alternatives to first order, and the part of chi-square that each explains.
 
     One Gauss-Newton step from no change, on the frequencies alone, each alternative by itself.
 
     Parameters
     ----------
     comparison : measured
-    slope : (n, k, n_compared) change of each log frequency by a unit of each parameter
-    prior_std : standard deviation of each parameter without data
+    slope : (n, k, n_compared) change of each log frequency by a unit of each parameter [1/unit]
+    prior_std : standard deviation of each parameter without data [unit]
+
+    Returns
+    -------
+    theta : (n, k)
+        Parameters at which fits begin [unit].
+    explained : (n,)
+        Reduction of chi-square [-].
     """
     whitener = comparison.drifting.matrix
     white, data = slope @ whitener.T, whitener @ comparison.log_ratio
@@ -104,9 +111,9 @@ def linearised(comparison: Comparison, hypotheses: Hypotheses) -> tuple[FloatArr
     Returns
     -------
     rest : (n_alternatives, n_data)
-        Whitened residuals, without the priors'.
+        Whitened residuals [-], without those of the priors.
     slope : (n_alternatives, n_data, n_parameters)
-        Their derivatives.
+        Their derivatives [1/unit of the parameter].
     """
     everything = np.arange(len(hypotheses.start))
     point = evaluate(comparison, hypotheses, hypotheses.start, everything)
@@ -117,12 +124,14 @@ def linearised(comparison: Comparison, hypotheses: Hypotheses) -> tuple[FloatArr
 def foreseen(
     comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, n_own: int, rows: IndexArray
 ) -> FloatArray:
-    """Return minus the chi-square that each alternative would come to, to first order (len(rows),).
+    """Predict minus the chi-square [-] of each alternative after its fit (len(rows),), to first order.
 
     Parameters
     ----------
-    theta : (n_parameters,) where the first `n_own` have no effect yet; the others are fitted with them
-    rows : alternatives
+    comparison, hypotheses : measured, and alternatives
+    theta : (n_parameters,) where the first `n_own` have no effect yet; the others are fitted with them [unit of each]
+    n_own : number of parameters of the alternatives themselves
+    rows : numbers of the alternatives
     """
     if not n_own:  # all or nothing: the slope is zero
         whole = evaluate(comparison, hypotheses, np.tile(theta, (len(rows), 1)), rows)
@@ -134,13 +143,15 @@ def foreseen(
 
 
 def size_deviations(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, n_own: int) -> FloatArray:
-    """Return the standard deviation of the first parameter of each alternative near no effect (n_alternatives,).
+    """Return the standard deviation of each alternative's first parameter near no effect (n_alternatives,) [its unit].
 
     By the data alone, without the prior of that parameter; infinite where it has no effect.
 
     Parameters
     ----------
-    theta : (n_parameters,) where the first `n_own` have no effect; those after them are fitted too
+    comparison, hypotheses : measured, and alternatives
+    theta : (n_parameters,) where the first `n_own` have no effect; those after them are fitted too [unit of each]
+    n_own : number of parameters of the alternatives themselves
     """
     one, own = _besides(comparison, hypotheses, theta, n_own, np.arange(len(hypotheses.log_prior)))
     n_data = one.residual.shape[1] - len(theta)
@@ -168,9 +179,9 @@ def pulls(comparison: Comparison, hypotheses: Hypotheses, rows: IndexArray) -> t
     Returns
     -------
     rest : (n_data,)
-        Whitened residual, without the priors'.
+        Whitened residuals [-], without those of the priors.
     slope : (len(rows), n_data, n_parameters)
-        Its derivatives.
+        Their derivatives [1/unit of the parameter].
     """
     n, n_all = len(hypotheses.prior_std), len(hypotheses.log_prior)
     one = evaluate(comparison, hypotheses, np.zeros((1, n)), np.zeros(1, np.intp))

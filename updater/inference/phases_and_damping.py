@@ -59,7 +59,14 @@ def unsure_of(reference: Reference, base: ModalMean, event: ModalMean, circumsta
 
 
 def without_mode(whitener: FloatArray, mode: int, n_channels: int) -> FloatArray:
-    """Return the lags' whitener (n n_channels, n n_channels) as if those of one mode might be anything."""
+    """Return the whitener of the phases without the information of one mode.
+
+    Parameters
+    ----------
+    whitener : (n_modes n_channels, n_modes n_channels) of the imaginary parts of all shapes [-]
+    mode : number of the mode whose imaginary part may have any value
+    n_channels : number of channels
+    """
     precision = whitener.T @ whitener
     out = np.zeros(len(precision), dtype=bool)
     out[mode * n_channels : (mode + 1) * n_channels] = True

@@ -133,8 +133,8 @@ def likeliest_place(member: IndexArray, probability: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    member : (n,) of equally spaced positions
-    probability : (n_draws, n) posteriors
+    member : (n,) number of the member of each of equally spaced positions
+    probability : (n_draws, n) posteriors [-]
 
     Returns
     -------

@@ -33,9 +33,9 @@ def log_uniform(
 
     Parameters
     ----------
-    value, std : (n,) Gaussian posterior under the Gaussian prior
-    gaussian : standard deviation of the Gaussian prior, of all or (n,) of each
-    least, most : smallest and largest magnitude
+    value, std : (n,) Gaussian posterior under the Gaussian prior [unit of the parameter]
+    gaussian : standard deviation of the Gaussian prior, of all or (n,) of each [unit]
+    least, most : smallest and largest magnitude [unit]
     """
     size = np.exp(np.linspace(np.log(least), np.log(most), _POINTS))
     x = np.concatenate([-size[::-1], size])
@@ -61,7 +61,7 @@ def log_uniform(
 def common_magnitude(
     value: FloatArray, covariance: FloatArray, *, gaussian: float, least: float, most: float
 ) -> FloatArray:
-    """Return the log evidence (n,) under a prior of one unknown order for several parameters, over a Gaussian one.
+    """Return the log evidence (n,) [-] under a prior with one unknown scale of all parameters, relative to a Gaussian.
 
     The prior is a mixture of Gaussians of one standard deviation for all parameters, uniform in its logarithm. With
     the posterior precision P, the likelihood has the precision L = P - I / gaussian^2 and the gradient P value. A
@@ -69,9 +69,9 @@ def common_magnitude(
 
     Parameters
     ----------
-    value, covariance : (n, k), (n, k, k) Gaussian posterior under the Gaussian prior
-    gaussian : standard deviation of the Gaussian prior
-    least, most : smallest and largest standard deviation of the mixture
+    value, covariance : (n, k), (n, k, k) Gaussian posterior under the Gaussian prior [unit, unit squared]
+    gaussian : standard deviation of the Gaussian prior [unit]
+    least, most : smallest and largest standard deviation of the mixture [unit]
     """
     spread = np.append(np.exp(np.linspace(np.log(least), np.log(most), _SPREADS)), gaussian)
     posterior = np.linalg.inv(covariance)

@@ -123,7 +123,18 @@ def _added(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def in_modes(flexibility: FloatArray, comparison: Comparison) -> FloatArray:
-    """Return a change of modal flexibility (p, n_modes, n_modes) as compliance that shifts no load."""
+    """Extend a change of modal flexibility by the states of self-stress of the model, which it does not change.
+
+    Parameters
+    ----------
+    flexibility : (n_alternatives, n_modes, n_modes) in modes of unit modal mass [s2]
+    comparison : measured, with the number of states of self-stress
+
+    Returns
+    -------
+    (n_alternatives, n_modes + n_stress, n_modes + n_stress)
+        Zero for the states of self-stress.
+    """
     n = comparison.n_stress
     return np.pad(flexibility, ((0, 0), (0, n), (0, n))) if n else flexibility
 
@@ -402,7 +413,15 @@ def _delayed(
 
 
 def picked(changed: Changed) -> tuple[FloatArray, FloatArray]:
-    """Return value (n_alternatives, n + n_own) and vector (n_alternatives, n_all, n + n_own) of the modes picked."""
+    """Return the modes that are compared, of all modes of the changed structure.
+
+    Returns
+    -------
+    value : (n_alternatives, n + n_own)
+        Eigenvalues [1/s2].
+    vector : (n_alternatives, n_all, n + n_own)
+        In the coordinates of the modes before the change [-].
+    """
     return changed.value[np.arange(len(changed.pick))[:, None], changed.pick], _columns(changed.vector, changed.pick)
 
 

@@ -24,7 +24,7 @@ class Prediction:
 
 
 def residual(comparison: Comparison, predicted: Prediction, whitener: Whitener) -> FloatArray:
-    """Return whitened residuals (n_alternatives, n_data): log frequencies, shapes, their lags, log damping."""
+    """Return whitened residuals (n_alternatives, n_data) [-]: log frequencies, shapes, imaginary parts, log damping."""
     shape, n = predicted.shape, len(predicted.shape)
     frequency = (comparison.log_ratio - predicted.log_ratio) @ whitener.matrix.T
     rest = turned_back(_undone(predicted, beside(comparison.shape, shape)), _undone(predicted, shape), comparison.base)

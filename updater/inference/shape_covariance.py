@@ -230,7 +230,12 @@ def shape_covariances(variance: FloatArray, base: FloatArray, foreign: FloatArra
 
 
 def beside(shape: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return the part of unit shapes (..., n_channels) that no multiple of others (..., n_channels) explains."""
+    """Return the part of shapes that is orthogonal to others.
+
+    Parameters
+    ----------
+    shape, direction : (..., n_channels), (..., n_channels) of unit norm [-]
+    """
     direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
     return np.asarray(shape - (shape * direction).sum(-1, keepdims=True) * direction)
 

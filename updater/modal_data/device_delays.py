@@ -277,7 +277,10 @@ def split_shape(shape: ComplexArray) -> tuple[FloatArray, FloatArray]:
 
 
 def real_shape(shape: ComplexArray) -> FloatArray:
-    """Return the real part (n_modes, n_channels), at unit norm and with its largest entry positive."""
+    """Return the real part (n_modes, n_channels) [-] of shapes (n_modes, n_channels) [-].
+
+    It has unit norm, and its largest entry is positive.
+    """
     real = np.asarray(shape.real / np.linalg.norm(shape.real, axis=1, keepdims=True))
     peak = real[np.arange(len(real)), np.argmax(np.abs(real), axis=1)]
     return np.asarray(real * np.sign(peak)[:, None])

@@ -24,19 +24,24 @@ _NO_PAIR = 1 - _MIN_MAC + FREQUENCY_WEIGHT * _FARTHEST  # cost of a mode without
 
 
 def match_modes(baseline: ModalMean, event: ModalMean) -> IndexArray:
-    """Return for each mode of the baseline (n_tracks,) the event's mode, or -1.
+    """Pair the modes of an event with those of a baseline, one to one.
 
-    The one-to-one assignment of least sum of (1 - MAC) + 2 |d ln f|, the MAC less what is not known of the event's
-    shape: the mean of several that mix two modes looks like one of them. A mode without a partner costs as much as the
-    worst pair, and two modes with a MAC of 0.95 that are each other's best are paired: of two close modes, one that is
-    poorly identified does not take the partner of the other. Two channels that were exchanged, or one that
-    was turned, reduce all MAC values: modes are also matched with each such fault undone, and the best match is used,
-    for this purpose only. Pairs with a MAC under 0.5 or frequencies more than 30 % apart (100 % at a MAC of 0.95) are
-    not formed.
+    The sum of (1 - MAC) + 2 |d ln f| over all pairs is minimised (f: frequency). The MAC is reduced by the uncertainty
+    of the event's shape, as a mean of shapes that mix two modes resembles one of them. A mode without a partner costs
+    as much as the worst pair. Two modes with a MAC of at least 0.95 that are each other's best are always paired: a
+    poorly identified mode cannot take the partner of a close one. Exchanged channels and a channel of the wrong sign
+    reduce all MAC values: modes are also matched with each such fault undone, and the best match is used, for the
+    pairing only. Pairs with a MAC below 0.5 or frequencies more than 30 % apart (100 % at a MAC of 0.95) are not
+    formed.
 
     Parameters
     ----------
     baseline, event : (n_tracks,) and (n_modes,) at the same channels; NaN in the event for a mode that was not seen
+
+    Returns
+    -------
+    (n_tracks,)
+        Number of the event's mode, -1 for none.
     """
     return _best(baseline, event)[0]
 
@@ -57,7 +62,7 @@ def without_fault(baseline: ModalMean, event: ModalMean) -> ModalMean:
 
 
 def may_answer(baseline: ModalMean, event: ModalMean) -> npt.NDArray[np.bool_]:
-    """Return which modes of an event may be each of a baseline's (n_tracks, n_modes), by `match_modes`' limits.
+    """Return true (n_tracks, n_modes) for pairs of modes that are within the limits of `match_modes`.
 
     Parameters
     ----------

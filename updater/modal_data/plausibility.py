@@ -30,9 +30,13 @@ def check_baseline(modes: ModalMean) -> None:
 
 
 def doubles(modes: ModalMean) -> IndexArray:
-    """Return the tracks that duplicate another one's mode: of both, the one with the less certain shape.
+    """Return the tracks (n_doubles,) that have the mode of another track: of both, the one of the less certain shape.
 
-    Identification may take one of two close modes for two where the other is hardly shaken.
+    Where one of two close modes is hardly excited, identification may find the other one twice.
+
+    Parameters
+    ----------
+    modes : (n_tracks,)
     """
     unknown = (modes.shape_std**2).sum(1)
     return np.unique([max(pair, key=lambda track: unknown[track]) for pair in _alike(modes)]).astype(np.intp)

@@ -44,8 +44,20 @@ class TrackedModes:
 
 
 def stack_tracks(estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray]) -> TrackedModes:
-    """Order the modes of windows by track; `tracks` holds for each window (n_tracks,) indices into its modes, or -1.
+    """Order the modes of windows by track.
 
+    Parameters
+    ----------
+    estimates : of the windows
+    tracks : per window (n_tracks,) indices into its modes, -1 for a mode that was not seen
+
+    Returns
+    -------
+    TrackedModes
+        (n_windows, n_tracks), NaN for a mode that was not seen.
+
+    Notes
+    -----
     Shapes are of the windows with the most channels of those that show a track; others give frequencies only.
 
     Raises
@@ -163,7 +175,19 @@ def mean_modes(
     phase_factor: float = 1.0,
     damping_factor: float = 1.0,
 ) -> ModalMean:
-    """Average windows; the factors correct the windows' own standard deviations (see `Scatter`)."""
+    """Average windows.
+
+    Parameters
+    ----------
+    modes : (n_windows, n_tracks); a value that is NaN is left out
+    frequency_factor, shape_factor, phase_factor, damping_factor : factors [-] on the windows' standard deviations
+        (`Scatter`)
+
+    Returns
+    -------
+    ModalMean
+        (n_tracks,), each with its number of windows; NaN for a track that no window shows.
+    """
     n = np.isfinite(modes.log_frequency).sum(0).astype(np.intp)
     n_shape = np.isfinite(modes.shape[:, :, 0]).sum(0)
     shape = mean_over_windows(modes.shape)

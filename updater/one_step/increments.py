@@ -96,7 +96,9 @@ Expansion = Callable[
 def expand_shapes(
     event: ModalMean, base: ModalMean, tracks: IndexArray, modes: tuple[FloatArray, FloatArray], paired: IndexArray
 ) -> list[ExpandedChange]:
-    """Expand the shapes themselves, to the paper's letter; parameters as for `expand_changes`.
+    """Expand the shapes themselves, as the paper does (eqs 9 to 12), in place of their changes.
+
+    Parameters, results and errors are those of `expand_changes`.
 
     The part of the undisturbed structure's shape outside the clusters becomes an increment, also without a change.
     """

@@ -47,7 +47,7 @@ def told_apart(model: Model, modes: Modes, record: Record) -> IndexArray:
 
 
 def motion(model: Model, modes: Modes) -> FloatArray:
-    """Return the translations (n_modes, n_nodes, 3) of the nodes."""
+    """Return the translations (n_modes, n_nodes, 3) of the nodes in modes of unit modal mass [1/sqrt(kg)]."""
     padded = np.vstack([modes.shape, np.zeros((1, modes.shape.shape[1]))])
     return np.asarray(np.moveaxis(padded[model.dofs[:, :3]], 2, 0))
 

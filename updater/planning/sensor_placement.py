@@ -44,16 +44,30 @@ def mean_position_std(outlook: DetectabilityStudy, mass: float) -> float:
 
 
 def best_additional_sensor(outlook: DetectabilityStudy, mass: float) -> Choice:
-    """Return the sensors with the one more that makes a mass' place surest."""
+    """Return the sensors with a further one, which reduces the deviation of a mass' place most.
+
+    Parameters
+    ----------
+    outlook : study with the present sensors
+    mass : to be located [kg]
+    """
     sensors = outlook.reference.structure.sensor
     tried = (_judged(outlook, (*sensors, new), new, mass) for new in candidates(outlook))
     return min(tried, key=lambda choice: choice.mean_position_std)
 
 
 def backward_elimination(outlook: DetectabilityStudy, mass: float) -> list[Choice]:
-    """Return sets of ever fewer sensors, each without the one that a mass' place needs least.
+    """Remove sensors one by one, each time the one whose loss increases the deviation of a mass' place least.
 
-    The last one is the smallest that measures three modes with two sensors.
+    Parameters
+    ----------
+    outlook : study with all sensors
+    mass : to be located [kg]
+
+    Returns
+    -------
+    list of Choice
+        By falling number of sensors; the last one still measures three modes with two sensors.
     """
     found: list[Choice] = []
     sensors = outlook.reference.structure.sensor

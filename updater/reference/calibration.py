@@ -272,9 +272,16 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
 
 
 def share_within(measured: ModalMean, answers: IndexArray, frequency: FloatArray, seen: FloatArray) -> FloatArray:
-    """Return the share (n_tracks,) of each shape that is spanned by model modes near the paired one.
+    """Return the share (n_tracks,) [-] of each shape's square norm that model modes near the paired one span.
 
-    Close modes rotate into each other by unknown errors; 0 if none corresponds.
+    Close modes rotate into each other by unknown errors; 0 for a mode without a partner.
+
+    Parameters
+    ----------
+    measured : (n_tracks,) with shapes of unit norm
+    answers : (n_tracks,) paired mode of the model, -1 for none
+    frequency : (n_modes,) of the model [Hz]
+    seen : (n_modes, n_channels) its shapes at the channels
     """
     found = np.zeros(len(answers))
     for track in np.flatnonzero(answers >= 0).tolist():
@@ -431,10 +438,12 @@ def best_model(structure: Structure) -> Model:
 
 
 def channel_rows(model: Model, channels: tuple[str, ...], *, across: bool = False) -> FloatArray:
-    """Return rows (n_channels, n_dofs) that read the named sensors.
+    """Return rows (n_channels, n_dofs) [-] that give the displacements at the named sensors, along their directions.
 
     Parameters
     ----------
+    model : whose structure has the sensors
+    channels : their names
     across : read along the two axes across each sensor instead (2 n_channels, n_dofs), first axes first
 
     Raises

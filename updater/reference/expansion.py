@@ -71,7 +71,7 @@ def _left_out_error(shape: FloatArray, cluster: FloatArray) -> float:
 
 
 def orthonormal(t: FloatArray) -> FloatArray:
-    """Return the nearest matrix with orthonormal columns (polar factor; Lowdin)."""
+    """Return the nearest matrix (m, m) with orthonormal columns to t (m, m): its polar factor (Loewdin 1950)."""
     u, _, vh = np.linalg.svd(t, full_matrices=False)
     return np.asarray(u @ vh)
 
@@ -83,9 +83,9 @@ def orthonormal_slope(t: FloatArray, column: int, slope: FloatArray) -> FloatArr
 
     Parameters
     ----------
-    t : (m, m)
-    column : the one that moves
-    slope : (m, k) its derivatives by k inputs
+    t : (m, m) coordinates of modes in a cluster [-]
+    column : number of the column that depends on the inputs
+    slope : (m, k) its derivatives with respect to k inputs [1/unit of the input]
     """
     u, p, vh = np.linalg.svd(t)
     moved = np.zeros((slope.shape[1], *t.shape))
@@ -117,10 +117,17 @@ class ExpandedChange:
 def expand_change(
     shape: FloatArray, base: FloatArray, model_shape: FloatArray, cluster: IndexArray, paired: int
 ) -> ExpandedChange:
-    """Expand the change of a shape (n_channels,) since the baseline's in a cluster of modes.
+    """Expand the change of a shape since the baseline in a cluster of modes.
 
-    Each of the two is expanded by eqs 9 to 12; their difference is added to the paired mode. The part of the
-    undisturbed shape outside the cluster cancels, and an unchanged shape is the paired mode itself.
+    Each of the two is expanded by eqs 9 to 12 of the paper; their difference is added to the paired mode. The part of
+    the undisturbed shape outside the cluster cancels, and an unchanged shape is the paired mode itself.
+
+    Parameters
+    ----------
+    shape, base : (n_channels,) since the change, and before it [-]
+    model_shape : (n_modes, n_channels) of the model at the channels
+    cluster : (m,) modes of the model to expand in
+    paired : the one that is paired with the measured mode
     """
     inverse = np.zeros((len(model_shape), len(shape)))
     inverse[cluster] = np.linalg.pinv(model_shape[cluster].T)
@@ -141,9 +148,9 @@ def expand_change(
 def expand_shape(
     shape: FloatArray, model_shape: FloatArray, omega: FloatArray, paired: int, *, largest: int
 ) -> ExpandedChange:
-    """Expand a shape (n_channels,) itself, as the paper does, eqs 9 to 12; parameters as for `expand`.
+    """Expand a shape (n_channels,) itself, as the paper does (eqs 9 to 12); parameters as for `expand`.
 
-    The derivative holds within the cluster that was chosen: where noise makes it another one, t jumps.
+    The derivative holds within the chosen cluster. Noise can make it another one; t is discontinuous there.
     """
     cluster = np.flatnonzero(expand(shape, model_shape, omega, paired, largest=largest))
     inverse = np.zeros((len(model_shape), len(shape)))

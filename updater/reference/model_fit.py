@@ -22,7 +22,7 @@ _STILL = 1e-9  # motion of a mode at the sensors [1/sqrt(kg)]: a smaller one is 
 
 
 def own_modes(model: Model, measured: ModalMean, *, n_modes: int = 30) -> tuple[Modes, IndexArray, ModalMean]:
-    """Return a model's modes, which of them (n_seen,) the sensors see, and these as a mean at the channels.
+    """Return the modes of a model, those (n_seen,) that move the sensors, and these as a mean at the channels.
 
     Parameters
     ----------

@@ -22,6 +22,7 @@ def matched_and_new(reference: Reference, event: ModalMean) -> tuple[IndexArray,
 
     Parameters
     ----------
+    reference : with the modes of the baseline and of the model
     event : (n_modes,) at some of the baseline's channels
     """
     channels = tuple(c for c in reference.baseline.channels if c in event.channels)

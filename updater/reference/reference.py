@@ -217,7 +217,14 @@ class NominalModel:
 
 
 def first_stage(model: Model, modes: Modes, paired: IndexArray, baseline: ModalMean) -> Modes:
-    """Return the modes with the measured ones (n_tracks,) in the place of the paired, which alters no mass."""
+    """Replace the paired modes of a model by the measured ones: the first stage of the one-step update (eq. 8).
+
+    Parameters
+    ----------
+    model, modes : calibrated model and its modes, frequencies [Hz], shapes of unit modal mass
+    paired : (n_tracks,) mode of the model paired with each measured one
+    baseline : (n_tracks,) measured; their shapes are expanded and orthonormalised, so that the mass is not altered
+    """
     frequency, shape = modes.frequency.copy(), modes.shape.copy()
     frequency[paired] = np.exp(baseline.log_frequency)
     seen = (channel_rows(model, baseline.channels) @ shape[:, paired]).T
@@ -227,19 +234,35 @@ def first_stage(model: Model, modes: Modes, paired: IndexArray, baseline: ModalM
 
 
 def pair_baseline(model: Model, modes: Modes, baseline: ModalMean) -> IndexArray:
-    """Return for each track the paired mode of a model (n_tracks,), -1 if there is none."""
+    """Pair the modes of a baseline with those of a model, by frequency and MAC.
+
+    Parameters
+    ----------
+    model, modes : with the sensors, and its modes
+    baseline : (n_tracks,) measured
+
+    Returns
+    -------
+    (n_tracks,)
+        Number of the mode of the model, -1 for none.
+    """
     seen = (channel_rows(model, baseline.channels) @ modes.shape).T
     return pair_modes(np.exp(baseline.log_frequency), baseline.shape, modes.frequency, seen)
 
 
 def match_nominal_modes(reference: Reference, nominal: NominalModel, channels: tuple[str, ...]) -> IndexArray:
-    """Return the file's mode paired with each mode of the recalibrated model (n_modes,), all assigned at once.
+    """Pair the modes of the structure file with those of the recalibrated model, all at once.
 
     Parameters
     ----------
-    reference : of the nearer model
-    nominal : its file
-    channels : at which shapes are compared
+    reference : of the recalibrated model
+    nominal : model of the file
+    channels : names of those at which shapes are compared
+
+    Returns
+    -------
+    (n_modes,)
+        Number of the file's mode, -1 for none.
     """
     there = nominal.reference
     apart = np.log(reference.frequency[:, None] / there.frequency)

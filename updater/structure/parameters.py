@@ -135,7 +135,10 @@ def with_springs(structure: Structure) -> Structure:
 
 
 def nominal_parameters(knobs: Sequence[ModelParameter]) -> FloatArray:
-    """Return the parameters (n_knobs,) of a structure as its file has them, with springs as by `with_springs`."""
+    """Return the values (n_knobs,) of parameters as the structure file has them [unit of each: `ModelParameter`].
+
+    Rigid connections have the springs of `with_springs`.
+    """
     return np.array([10 * knob.lower if is_rigid(knob) else knob.mean for knob in knobs])
 
 
@@ -198,7 +201,13 @@ def _bounded(structure: Structure, knob: ModelParameter) -> ModelParameter:
 
 
 def physical_value(structure: Structure, knob: ModelParameter, value: float) -> float:
-    """Return a fitted value in the units of `physical_unit`."""
+    """Return a fitted value as a modulus [Pa], mass [kg], stiffness [N/m, N m/rad] or factor [-]: `physical_unit`.
+
+    Parameters
+    ----------
+    structure, knob : the parameter, and the structure that it belongs to
+    value : fitted value [unit of the parameter]
+    """
     if knob.kind == "stiffness":
         return _filed_modulus(structure, knob) * float(np.exp(value))
     if knob.kind == "weld":
@@ -213,7 +222,13 @@ def physical_value(structure: Structure, knob: ModelParameter, value: float) -> 
 
 
 def physical_slope(structure: Structure, knob: ModelParameter, value: float) -> float:
-    """Return the magnitude of the derivative of `physical_value`: the ratio of standard deviations."""
+    """Return the magnitude of the derivative of `physical_value`: the factor from fitted to physical deviations.
+
+    Parameters
+    ----------
+    structure, knob : the parameter, and the structure that it belongs to
+    value : fitted value [unit of the parameter]
+    """
     now = physical_value(structure, knob, value)
     if knob.kind in {"stiffness", "section"}:
         return now
@@ -448,7 +463,14 @@ def _same(one: Vector, other: Vector) -> bool:
 
 
 def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: FloatArray) -> Structure:
-    """Return the structure with the parameters `x` written into it."""
+    """Return the structure with fitted parameters written into it.
+
+    Parameters
+    ----------
+    structure : as in the file
+    knobs : the parameters
+    x : (n_knobs,) their values, as fitted [unit of each: `ModelParameter`]
+    """
     material = dict(structure.material)
     supports, joints = list(structure.support), list(structure.joint)
     bodies = list(structure.body)

@@ -76,16 +76,16 @@ def _cut(member: dict[str, Any], element_length: float) -> dict[str, Any]:
 
 
 def size(structure: Structure) -> float:
-    """Return the longest member relative to that of the usual frame: the scale of offsets and neighbourhoods."""
+    """Return the length of the longest member, relative to 1.48 m [-]: the scale of offsets and neighbourhoods."""
     return max(member.length for member in structure.member) / _USUAL
 
 
 def extent(structure: Structure) -> float:
-    """Return the largest dimension along an axis over that of the usual frame, however lines are cut into members."""
+    """Return the largest dimension along a global axis, relative to 1.48 m [-]; it does not depend on members' ends."""
     ends = np.array([end for member in structure.member for end in (member.start, member.end)])
     return float(np.ptp(ends, axis=0).max()) / _USUAL
 
 
 def fineness(structure: Structure) -> float:
-    """Return the scale of spacings of places: smaller for small structures, the usual for large ones."""
+    """Return the scale [-] of spacings of places: `size`, at most 1."""
     return min(1.0, size(structure))

@@ -70,7 +70,13 @@ def stands_for_rigid(structure: Structure, connection: Support | Joint, knob: Mo
 
 
 def is_negligible(knob: ModelParameter, value: float) -> bool:
-    """Return whether a parameter is the flexibility of a connection that is as good as rigid, as the file has it."""
+    """Return whether a parameter is the flexibility of a connection of the file that is practically rigid.
+
+    Parameters
+    ----------
+    knob : the parameter
+    value : fitted value [unit of the parameter]
+    """
     return is_rigid(knob) and value < _NEGLIGIBLE * knob.lower
 
 

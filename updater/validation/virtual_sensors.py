@@ -104,7 +104,15 @@ def virtual_sensing(
 
 
 def gapless_part(recording: Recording, channels: tuple[str, ...]) -> tuple[int, FloatArray]:
-    """Return the first sample and the data (n_samples, n_channels) of the longest stretch without a gap, cut."""
+    """Return the number of the first sample of the longest stretch without a gap, and its data.
+
+    The data (n_samples, n_channels) [m/s2] are cut to the longest length that is analysed.
+
+    Raises
+    ------
+    ModalDataError
+        If no sample is without a gap.
+    """
     names = [c.name for c in recording.channels]
     data = recording.data[:, [names.index(c) for c in channels]]
     stretches = gapless_stretches(data)

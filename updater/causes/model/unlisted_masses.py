@@ -32,7 +32,9 @@ _ORDERS = 8  # standard deviations of the mass between these
 def covariance_with_unlisted(
     reference: Reference, data: Comparison, chosen: tuple[SelectedCause, ...], n_held: int = 0
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance (n, n) of the fitted parameters, and the part to add for errors of the file.
+    """Return the covariance (n, n) of the fitted parameters, and the part (n, n) to add for errors of the file.
+
+    Rows and columns are in the units of the parameters.
 
     Parameters
     ----------

@@ -83,7 +83,19 @@ def windows_of_one_state(
 ) -> tuple[IndexArray, tuple[ChangePoint, ...]]:
     """Return the windows (n_kept,) of the state that most of them show, and the changes that the others contain.
 
-    Parameters are those of `find_change`; the changes count in its windows.
+    Parameters
+    ----------
+    modes : (n_windows, n_tracks)
+    seconds : (n_windows,) start of each window, ascending [s]
+    temperature : (n_windows,) [degC]
+    rms : (n_windows,) of the acceleration [m/s2]
+
+    Returns
+    -------
+    windows : (n_kept,)
+        Their numbers, ascending.
+    changes : tuple of ChangePoint
+        As by `find_change`, with numbers of these windows.
     """
     kept: IndexArray = np.arange(len(seconds))
     changes: list[ChangePoint] = []

@@ -49,5 +49,13 @@ def far_share(windows: TrackedModes, scatter: Scatter, rms: FloatArray, temperat
 
 
 def is_steady(windows: TrackedModes, scatter: Scatter, rms: FloatArray, temperature: FloatArray) -> bool:
-    """Return whether windows scatter like those of one state; parameters as for `far_share`."""
+    """Return whether windows scatter like those of one state.
+
+    Parameters
+    ----------
+    windows : (n_windows, n_tracks)
+    scatter : factors on the stated standard deviations
+    rms : (n_windows,) of the acceleration [m/s2]
+    temperature : (n_windows,) [degC]
+    """
     return far_share(windows, scatter, rms, temperature) <= _MAX_FAR

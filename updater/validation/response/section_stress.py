@@ -40,6 +40,12 @@ class Fibre:
 def edge_fibres(structure: Structure, member: str, distance: float) -> tuple[Fibre, ...]:
     """Return the fibres of a section with the largest bending stresses.
 
+    Parameters
+    ----------
+    structure : with the member
+    member : its name
+    distance : of the section from the start of the member [m]
+
     Raises
     ------
     ModelError
