@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 if TYPE_CHECKING:
     from typer._click import Command, Context, HelpFormatter, Parameter
@@ -101,7 +101,21 @@ class CommandGroup(TyperGroup):
 
 
 class _Command(TyperCommand):
-    """Command with an example at the end of its help."""
+    """Command with an example at the end of its help, and arguments without the types of Python."""
+
+    def format_options(self, ctx: Context, formatter: HelpFormatter) -> None:
+        """Write arguments and options; typer adds ` <path>`, ` <list[Path]>` to the name of an argument."""
+        arguments, options = list[tuple[str, str]](), list[tuple[str, str]]()
+        for parameter in self.get_params(ctx):
+            name, text = parameter.get_help_record(ctx) or ("", "")
+            if name and isinstance(parameter, TyperArgument):
+                arguments.append((name.partition(" <")[0], text))
+            elif name:
+                options.append((name, text))
+        for title, rows in (("Arguments", arguments), ("Options", options)):
+            if rows:
+                with formatter.section(title):
+                    formatter.write_dl(rows)
 
     def format_epilog(self, ctx: Context, formatter: HelpFormatter) -> None:
         """Write the example, each command line unbroken."""

@@ -74,8 +74,8 @@ def identify(
     --from and --to; with --reference-sensor each log separately.
 
     Example:
-    modalwatch identify measured.mcap --band 1 20 --amplitude --picture modes.png --animate modes.html
-    modalwatch identify setup_1.mcap setup_2.mcap --reference-sensor top_x --out modes
+    modalwatch identify measured.mcap --band 1 20 --picture modes.png
+    modalwatch identify setup_1.mcap setup_2.mcap --reference-sensor top_x
     modalwatch identify hammer.uff --out modes
     """
     import numpy as np
