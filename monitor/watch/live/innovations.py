@@ -7,7 +7,8 @@ level of the excitation cancels. Its cube root is nearly normal, as that of a ch
 1931); mean and standard deviation are those of blocks of calm windows. A small change shows in the exponentially
 weighted mean of the last blocks instead (Roberts 1959): the deviation is the larger one of both.
 
-The filter is learned from calm windows after the baseline. It is learned again after a start and after a new reference.
+The filter is learned from the last signals of the baseline, and from calm windows after it where these are too short or
+have gaps. It is learned again, from calm windows, after a start and after a new reference.
 
 References
 ----------
@@ -16,8 +17,11 @@ Mehra & Peschon (1971). An innovations approach to fault detection and diagnosis
 """
 
 import logging
+import math
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -37,12 +41,13 @@ _LINES, _SHARE = 2, 0.03  # each way of a mode: lines, and share of its frequenc
 _WEIGHT = 0.2  # of the last block in the running mean
 _LEAST_MEANS = 300  # blocks before the running mean is used: its own deviation is that of few independent means
 _MEAN_STD = (_WEIGHT / (2 - _WEIGHT)) ** 0.5  # of it over that of a block, if blocks are independent
+_MOST_KEPT = 4_000_000  # counts before the first reference, 16 MB: 222 s of six devices with three axes at 1000 Hz
 _MOST_CHANNELS = 12  # up to which the cost was measured: the filter is learned in the analysis process
 _log = logging.getLogger(__name__)
 
 
 class InnovationMonitor:
-    """Learns the filter from blocks of calm windows, and runs it as signals arrive.
+    """Learns the filter from blocks of calm windows, those of the baseline too, and runs it as signals arrive.
 
     Parameters
     ----------
@@ -55,6 +60,9 @@ class InnovationMonitor:
         self._reference: Reference | None = None
         self._numbers: dict[int, int] = {}  # mode of the model -> number of the measured one
         self._assembler: Assembler | None = None
+        self._awaited = len(settings.channels) <= _MOST_CHANNELS  # true until the first reference
+        self._kept: deque[Block | Event] = deque()  # last items of the calm windows before the first reference
+        self._n_kept = 0  # samples in them
         self._seconds, self._learn_seconds = _LEAST_SECONDS, _LEARN_SECONDS
         self._forget()
 
@@ -66,14 +74,25 @@ class InnovationMonitor:
 
     def push(self, item: Block | Event) -> Iterator[ModeInnovations]:
         """Process one item in the log's order; yield the innovations of the blocks that are complete."""
-        if self._assembler is None:
-            return
-        blocks = self._assembler.push(item) if isinstance(item, Block) else self._assembler.push_event(item)
-        for block in blocks:
+        if self._awaited:
+            self._keep(item)
+        for block in self._assembled(item):
             if self._filter is None:
                 self._pending.append(block)
             else:
                 yield from self._filter.run(block)
+
+    def _assembled(self, item: Block | Event) -> Iterator[Recording]:
+        if self._assembler is not None:
+            blocks = self._assembler.push(item) if isinstance(item, Block) else self._assembler.push_event(item)
+            yield from blocks
+
+    def _keep(self, item: Block | Event) -> None:
+        """Keep an item until the first reference is known, and drop the oldest ones of too many."""
+        self._kept.append(item)
+        self._n_kept += _n_samples(item)
+        while self._n_kept > _MOST_KEPT:
+            self._n_kept -= _n_samples(self._kept.popleft())
 
     def take(self, result: Result) -> None:
         """Learn the blocks of the last calm window but one, or discard those of a changed one and of the one before."""
@@ -89,13 +108,19 @@ class InnovationMonitor:
                 self._learn()
             else:
                 self._calm, self._held, self._pending = [], [], []
+                self._drop_kept()
+
+    def _drop_kept(self) -> None:
+        self._kept.clear()
+        self._n_kept = 0
 
     def _begin(self, reference: Reference | None, reported: ReferenceResult) -> None:
         """Take a new reference; blocks have no delays of devices from now on."""
         self._forget()
-        self._reference, self._assembler = reference, None
+        self._reference, self._assembler, self._awaited = reference, None, False
         settings = self._settings
         if reference is None or len(settings.channels) > _MOST_CHANNELS:
+            self._drop_kept()
             return
         self._numbers = {int(k): mode.id for k, mode in zip(reference.paired, reported.modes, strict=True)}
         lowest = float(np.exp(reference.baseline.log_frequency.min()))
@@ -108,6 +133,20 @@ class InnovationMonitor:
             step_seconds=self._seconds,
             late=dict(reference.delays.seconds),
         )
+        self._learn_kept()
+
+    def _learn_kept(self) -> None:
+        """Learn the filter from the first blocks of the baseline that were kept, and its levels from the others."""
+        blocks = _without_gap(list(chain.from_iterable(map(self._assembled, self._kept))))
+        self._drop_kept()
+        n = math.ceil(self._learn_seconds / self._seconds)
+        self._calm = blocks[:n]
+        self._learn()
+        if self._filter is not None:
+            for block in blocks[n:]:
+                for _ in self._filter.run(block):  # none: its levels are not known yet
+                    pass
+            self._filter.learn(calm=True)
 
     def _learn(self) -> None:
         """Learn the filter as soon as the calm blocks last long enough; a reference that is not suitable is left."""
@@ -126,6 +165,10 @@ class InnovationMonitor:
         memory = _MEMORY * self._settings.analysis.window_seconds / self._seconds
         self._filter = _ModeFilter(model, record, self._numbers, self._seconds, memory)
         self._calm, self._held, self._pending = [], [], []
+
+
+def _n_samples(item: Block | Event) -> int:
+    return item.counts.size if isinstance(item, Block) else 0
 
 
 def _without_gap(blocks: list[Recording]) -> list[Recording]:

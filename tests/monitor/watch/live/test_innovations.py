@@ -130,6 +130,19 @@ def test_filter_starts_again_after_a_gap(learned: Learned) -> None:
     assert any(seconds_of(one) > 397 for one in found)
 
 
+def test_signals_of_the_baseline_are_learned_too(learned: Learned) -> None:
+    """160 s of baseline: 60 s for the filter, the rest for its levels. Without them, none are shown for 160 s more."""
+    monitor = InnovationMonitor(learned.settings, lambda: learned.reference)
+    found: list[list[ModeInnovations]] = []
+    for number, blocks in enumerate(learned.windows[:10], start=1):
+        found.append([one for block in blocks for one in monitor.push(block)])
+        if number == 8:
+            monitor.take(learned.reported)
+        monitor.take(learned.calm)
+    assert [len(of_window) > WINDOW / 2 for of_window in found] == 8 * [False] + 2 * [True]
+    assert not any(one.over for of_window in found for one in of_window)
+
+
 def n_recordings() -> int:
     """Return the number of recordings in memory."""
     return sum(isinstance(one, Recording) for one in gc.get_objects())
