@@ -45,11 +45,12 @@ def diagnosis_figure(causes: Sequence[Cause], modes: Sequence[ModeFit], rejected
     heights = [*([_FITS[1]] if fitted else []), *([_height(bars)] if bars else [])]
     with styled():
         figure = new_figure(_FITS[0], sum(heights))
-        grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
+        parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
         if fitted:
-            _draw_fits((figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])), causes, modes)
+            left, right = parts[0].subplots(1, 2)
+            _draw_fits((left, right), causes, modes)
         if bars:
-            _draw_evidence(figure.add_subplot(grid[-1, :]), bars, accepted=bool(causes))
+            _draw_evidence(parts[-1].subplots(), bars, accepted=bool(causes))
         figure.draw_without_rendering()  # ticks take the style when they are first drawn
     return figure
 
