@@ -18,6 +18,7 @@ from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
 from monitor.results.state_comparison import StateComparison
 from monitor.results.windows import ReferenceResult
+from monitor.text.verdicts import diagnosis_text
 from monitor.views.report.content import diagnosis_content, run_content, versions
 from monitor.views.report.pdf import load_typst as load_typst
 from monitor.views.report.pdf import pdf_of
@@ -108,7 +109,7 @@ def _diagnosis_values(
     return {
         "title": title,
         "state": {"nothing_to_explain": "normal", "explained": "alarm"}.get(diagnosis.verdict, "watch"),
-        "headline": content["text"],
+        "headline": diagnosis_text(diagnosis),
         "facts": facts,
         "diagnosis": content,
         "versions": versions(),
