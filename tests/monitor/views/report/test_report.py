@@ -122,6 +122,7 @@ def test_page_begins_with_place_and_time_and_lists_refused_causes(page: Page) ->
 def test_page_shows_increments_and_diagnosis(page: Page) -> None:
     assert "302 ± 5 g added on the crossbeam at (0.250, 0.000, 1.480) m ± 4 mm" in headline(page)
     assert "sensor gain in col_037_x: gain 1.0312 ± 0.0021" in headline(page)
+    assert page.words.count("sensor gain in col_037_x: gain 1.0312 ± 0.0021") == 1  # the table has it in its columns
     increments = answers.increments(SITE)
     z = [f.z for f in increments.flagged if f.direction == "y"]
     assert f"<td>y</td><td>{len(z)}</td><td>{max(z, key=abs):+.1f}</td>" in page.text
