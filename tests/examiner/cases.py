@@ -32,6 +32,7 @@ CAUSES: dict[str, Do] = {
         draws.axial_force,
         draws.member_temperature,
         draws.attached_oscillator,
+        draws.ground_mode,
         draws.global_stiffness,
         draws.global_density,
         draws.temperature,

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from tests.examiner.models.bar import Bar, Vector, Zone, vector
-from tests.examiner.models.frame import Lump, Prop
+from tests.examiner.models.frame import Floor, Lump, Prop
 from tests.examiner.models.specimen import Random, Scale, State
 
 _CLEAR = 0.06  # m: from a stretch's end to a ground, a meeting or a free end
@@ -223,6 +223,31 @@ def attached_oscillator(state: State, random: Random) -> Done:
     after = with_lump(state, Lump(bar=bar, s=s, mass=mass, axis=axis, spring=frequency))
     place = state.frame.bar(bar).point(s)
     return Done(state, after, (_at("attached_oscillator", place, mass=mass, frequency=frequency),))
+
+
+def ground_mode(state: State, random: Random) -> Done:
+    """Let a foot, or all feet together, stand on a floor with a mode of its own within the analysed band.
+
+    Its mass, or inertia, is 0.3 to 10 times about that of the frame moved with the floor. All modes have one damping: a
+    mode that a floor changes much would take that of another one (`State.modal_damping`).
+    """
+    state = replace(state, damping=np.full(len(state.damping), state.damping[0]))
+    frame, scale, share = state.frame, state.scale, state.scale.band / Scale().band
+    together = len(frame.grounds) > 1 and random.random() < 0.4
+    grounds = tuple(range(len(frame.grounds))) if together else (int(random.integers(len(frame.grounds))),)
+    held = np.all([np.greater((*frame.grounds[g].along, *frame.grounds[g].about), 0) for g in grounds], axis=0)
+    axis = int(random.choice(np.flatnonzero(held[:5])))
+    frequency = share * log_uniform(random, 10.0, 130.0)
+    while np.abs(np.log(state.motion(24).frequency / frequency)).min() < 0.05:
+        frequency = share * log_uniform(random, 10.0, 130.0)
+    weight = sum(bar.density * bar.area * bar.length for bar in frame.bars)
+    moved = weight if axis < 3 else weight * (0.8 * scale.length) ** 2
+    mass = moved * log_uniform(random, 0.3, 10.0)
+    floor = Floor(grounds=grounds, axis=axis, mass=mass, frequency=frequency)
+    after = state.of_frame(replace(frame, floors=(*frame.floors, floor)))
+    of_mass = ("mass_x", "mass_y", "mass_z", "inertia_rx", "inertia_ry")[axis]
+    place = np.mean([frame.bar(frame.grounds[g].bar).point(frame.grounds[g].s) for g in grounds], axis=0)
+    return Done(state, after, (_at("ground_mode", vector(place), **{of_mass: mass}, frequency=frequency),))
 
 
 def global_stiffness(state: State, random: Random) -> Done:

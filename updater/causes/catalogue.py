@@ -25,6 +25,7 @@ from updater.causes.sensors.position import propose_sensor_position
 from updater.causes.stiffness.added_support import propose_support_spring
 from updater.causes.stiffness.axial_force import propose_axial_force
 from updater.causes.stiffness.connections import propose_joint_stiffness, propose_support_stiffness
+from updater.causes.stiffness.ground_mode import propose_ground_mode
 from updater.causes.stiffness.group_stiffness import propose_group_stiffness
 from updater.causes.stiffness.local_stiffness import propose_local_stiffness
 from updater.causes.stiffness.member_temperature import propose_member_temperature
@@ -105,6 +106,7 @@ _OWN: dict[str, CatalogueEntry] = {
     "member_temperature": CatalogueEntry(propose=propose_member_temperature),
     "support_spring": CatalogueEntry(propose=propose_support_spring),
     "attached_oscillator": CatalogueEntry(propose=propose_attached_oscillator),
+    "ground_mode": CatalogueEntry(propose=propose_ground_mode),
     "mesh_error": CatalogueEntry(propose=propose_mesh_error),
     "model_parameters": CatalogueEntry(propose=propose_model_parameters, of_the_file=True),
     "damping_change": CatalogueEntry(propose=propose_damping_change),

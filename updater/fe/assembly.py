@@ -55,7 +55,8 @@ def build_model(structure: Structure, *, shear_flexible: bool = False, mass: Mas
         bare = external_model(structure, structure.external, lumped=mass == "lumped")
     else:
         bare = _frame(structure, shear_flexible=shear_flexible, mass=mass)
-    whole = _with_bodies(bare) if structure.body else bare
+    whole = _on_grounds(bare) if structure.ground else bare
+    whole = _with_bodies(whole) if structure.body else whole
     whole = _with_oscillators(whole) if structure.oscillator else whole
     if structure.recorder is None or structure.recorder.clock == 1:
         return whole
@@ -66,7 +67,7 @@ def build_model(structure: Structure, *, shear_flexible: bool = False, mass: Mas
 
 
 def _frame(structure: Structure, *, shear_flexible: bool, mass: MassKind) -> Model:
-    mesh = Mesh(structure)
+    mesh = Mesh(structure.model_copy(update={"support": structure.grounded_supports}))
     dofs = mesh.number()
     kinds = _Kinds(mesh, shear_flexible=shear_flexible, mass=mass)
     rows = np.concatenate([dofs[kinds.first], dofs[kinds.last]], axis=1)
@@ -135,6 +136,30 @@ def _add_springs(stiffness: _Matrix, mesh: Mesh, dofs: IntArray) -> None:
     for support in mesh.structure.support:
         for turn_axis, value in support.stiffness.items():
             stiffness.add(dofs[[[mesh.find(support.at, "support")]], AXES.index(turn_axis)], np.array([[[value]]]))
+
+
+def _on_grounds(model: Model) -> Model:
+    """Append a DOF to the model for each ground, and let the springs of its supports end there."""
+    grounds = model.structure.ground
+    own = np.eye(model.n_dofs + len(grounds))[model.n_dofs :]
+    none = sparse.csc_array((len(grounds), len(grounds)))
+    stiffness, mass = (sparse.csc_array(sparse.block_diag([part, none])) for part in (model.stiffness, model.mass))
+    whole = replace(model, stiffness=stiffness, mass=mass)
+    for support in model.structure.grounded_supports:
+        motion = np.array([ground.motion(support.at) for ground in grounds])
+        for axis, spring in support.stiffness.items():
+            moved = motion[:, AXES.index(axis)] @ own
+            if moved.any():
+                at = np.append(model.node_rows(support.at, AXES.index(axis)), np.zeros(len(grounds)))
+                rows = sparse.csr_array(np.array([at, moved]))
+                stiffness = stiffness + rows.T @ (spring * np.array([[0.0, -1.0], [-1.0, 1.0]])) @ rows
+    spring, heavy = np.array([[ground.stiffness, ground.mass] for ground in grounds]).T
+    corner = sparse.csc_array(own.T)
+    return replace(
+        whole,
+        stiffness=sparse.csc_array(stiffness + corner @ sparse.diags_array(spring) @ corner.T),
+        mass=sparse.csc_array(mass + corner @ sparse.diags_array(heavy) @ corner.T),
+    )
 
 
 def _with_bodies(model: Model) -> Model:

@@ -267,6 +267,24 @@ class Model:
         free = (self.dofs[near] >= 0).any(1)  # of two at a grounded spring of external matrices, one is held
         return self._unit(int(self.dofs[near[int(np.argmax(free))], axis]))
 
+    def support_rows(self, at: tuple[float, float, float], axis: Axis) -> FloatArray:
+        """Return the row (n_dofs,) that reads how far a support's spring is strained along or about a global axis.
+
+        Raises
+        ------
+        ModelError
+            If there is no node at the point [m].
+        """
+        row = self.node_rows(at, AXES.index(axis))
+        for i, ground in enumerate(self.structure.ground):
+            row -= ground.motion(at)[AXES.index(axis)] * self._unit(self._first_ground + i)
+        return row
+
+    @property
+    def _first_ground(self) -> int:
+        """DOF of the first ground: these follow those of the nodes."""
+        return int(self.dofs.max()) + 1
+
     def joint_rows(self, joint: Joint, axis: int) -> FloatArray:
         """Return the row (n_dofs,) that reads how far a joint's spring is turned about a global axis 0..2."""
         row = np.zeros(self.n_dofs)
@@ -278,9 +296,11 @@ class Model:
     def spring_rows(self) -> dict[Spring, tuple[FloatArray, float]]:
         """Return the row (n_dofs,) that reads each spring's strain, and its stiffness [N/m or N m/rad]."""
         found = {}
-        for support in self.structure.support:
+        for support in self.structure.grounded_supports:
             for axis, stiffness in support.stiffness.items():
-                found["", support.at, axis] = self.node_rows(support.at, AXES.index(axis)), stiffness
+                found["", support.at, axis] = self.support_rows(support.at, axis), stiffness
+        for i, ground in enumerate(self.structure.ground):
+            found[f"ground {i}", ground.at[0], ground.axis] = self._unit(self._first_ground + i), ground.stiffness
         for joint in self.structure.joint:
             for turn, stiffness in joint.stiffness.items():
                 found[joint.member, joint.at, turn] = self.joint_rows(joint, AXES.index(turn) - 3), stiffness

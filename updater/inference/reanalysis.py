@@ -7,7 +7,8 @@ as compliance in modes and in states of self-stress (`self_stress`), by which a 
 load to stiffer parts.
 
 An oscillator appends a degree of freedom: its motion relative to the structure's, with unit mass, a flexibility 1 /
-omega_o^2 and a coupling in the mass matrix.
+omega_o^2 and a coupling in the mass matrix. So does a ground that moves supports: the modes, of fixed supports, are
+then relative to the structure's static motion with it (Craig and Bampton 1968).
 """
 
 from dataclasses import dataclass, fields, replace
@@ -23,7 +24,7 @@ from updater.modal_data import FREQUENCY_WEIGHT
 _EITHER = 0.1  # of the largest share of a mode in a changed one, from which on another one may be its successor
 _SPLIT = 0.05  # share of an oscillator in a compared mode above which either of two modes may be its successor
 _NEAR = 0.5  # ln f: largest distance of an oscillator's mode from its start
-_OWN = ("coupling", "own", "own_log_damping")  # parts of an effect that have every alternative, or none
+_OWN = ("coupling", "own", "own_log_damping", "carried")  # parts of an effect that have every alternative, or none
 _MIN = 1e-12  # of 1/omega^2 over the largest: a mode without inertia is infinitely high, never a NaN
 
 
@@ -47,6 +48,8 @@ class Effect:
     coupling: FloatArray  #: (n_alternatives, n_modes, n_own) of the modes with degrees of freedom appended, in mass
     own: FloatArray  #: (n_alternatives, n_own) their flexibility 1/omega_o^2 [s2]
     own_log_damping: FloatArray  #: (n_alternatives, n_own) of their damping to that of the structure's modes
+    #: (n_alternatives, n_channels, n_own) motion of the channels with them, in addition to that of the modes
+    carried: FloatArray
 
     @property
     def whole_mass(self) -> FloatArray:
@@ -111,6 +114,7 @@ class Effect:
             coupling=np.concatenate([self.coupling, other.coupling], axis=2),
             own=np.concatenate([self.own, other.own], axis=1),
             own_log_damping=np.concatenate([self.own_log_damping, other.own_log_damping], axis=1),
+            carried=np.concatenate([self.carried, other.carried], axis=2),
         )
 
 
@@ -171,6 +175,7 @@ def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
         coupling=np.zeros((n_alternatives, n_modes, 0)),
         own=np.zeros((n_alternatives, 0)),
         own_log_damping=np.zeros((n_alternatives, 0)),
+        carried=np.zeros((n_alternatives, n_channels, 0)),
     )
 
 
@@ -325,12 +330,14 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
     log_damping = effect.log_damping[:, comparison.paired]
     if effect.own.shape[1]:
         there = comparison.baseline_at_channels + effect.moved
-        new = (there @ vector[:, :n_modes, n_compared:]).transpose(0, 2, 1)
+        new = there @ vector[:, :n_modes, n_compared:] + effect.carried @ vector[:, n_modes:, n_compared:]
+        new = new.transpose(0, 2, 1)
         log_damping = log_damping + _damped_by_own(effect, value[:, :n_compared], vector[:, n_modes:, :n_compared])
     new_frequency = value[:, n_compared:] ** -0.5 / (2 * np.pi)
+    static = effect.carried @ vector[:, n_modes:, :n_compared]
     value, vector = value[:, :n_compared], vector[:, :n_modes, :n_compared]
     old = (2 * np.pi * comparison.frequency[comparison.paired]) ** -2.0
-    shape = (comparison.baseline_at_channels @ vector).transpose(0, 2, 1)
+    shape = (comparison.baseline_at_channels @ vector + static).transpose(0, 2, 1)
     own = (shape * comparison.base).sum(-1, keepdims=True)
     along = np.where(np.abs(own) < 1e-6, 1e-6, own)  # else the mode is not seen at the channels
     if effect.moved.any():

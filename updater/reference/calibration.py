@@ -23,7 +23,6 @@ from updater.modal_data import ModalMean, check_baseline, check_unit
 from updater.quantities import SIGNIFICANT, ParameterChange
 from updater.reference.sensitivity_method import Convergence, Prior, fit_parameters, frequency_slope
 from updater.structure import (
-    AXES,
     TURNS,
     Axis,
     Joint,
@@ -423,7 +422,7 @@ def spring_of(model: Model, knob: ModelParameter) -> tuple[FloatArray, float]:
     stiffness = next(v for axis, v in connection.stiffness.items() if axis == knob.axis)
     if isinstance(connection, Joint):
         return model.joint_rows(connection, TURNS.index(knob.axis)), stiffness
-    return model.node_rows(connection.at, AXES.index(knob.axis)), stiffness
+    return model.support_rows(connection.at, knob.axis), stiffness
 
 
 def mesh_covariance(mesh_error: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ from updater.structure.entries import Axis as Axis
 from updater.structure.entries import Body as Body
 from updater.structure.entries import BreathingCrack as BreathingCrack
 from updater.structure.entries import External as External
+from updater.structure.entries import Ground as Ground
 from updater.structure.entries import Joint as Joint
 from updater.structure.entries import Material as Material
 from updater.structure.entries import Member as Member

@@ -18,6 +18,7 @@ Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")
 GROUP_UNCERTAINTY = 0.03  # as of a material
 _SHORTEST = 1e-5  # m, of a member: ends nearer than a tenth of it are one node
+_RIGID = 1e6  # stiffness of a fixed support relative to that of the ground that it stands on
 _ALONG = 1e-6  # sine of the least angle between a member and its local y axis
 
 
@@ -235,6 +236,29 @@ class Oscillator(Entry):
         return self
 
 
+class Ground(Entry):
+    """A floor, a foundation or a neighbouring structure with a mode of its own, which moves supports."""
+
+    at: Annotated[tuple[Vector, ...], Field(min_length=1)]  #: supports that stand on it [m]
+    axis: Axis  #: direction in which it moves them, or axis of rotation through the middle between them
+    mass: Positive  #: modal mass [kg], about an axis moment of inertia [kg m2]
+    frequency: Positive  #: natural frequency without the structure [Hz]
+
+    @property
+    def stiffness(self) -> float:
+        """Stiffness of its own spring [N/m or N m/rad]."""
+        return self.mass * (2 * math.pi * self.frequency) ** 2
+
+    def motion(self, at: Vector) -> FloatArray:
+        """Return the motion (6,) of a support per unit of its own, zero of one that does not stand on it."""
+        if at not in self.at:
+            return np.zeros(6)
+        way = np.eye(3)[AXES.index(self.axis) % 3]
+        if self.axis in AXES[:3]:
+            return np.append(way, np.zeros(3))
+        return np.append(np.cross(way, np.subtract(at, np.mean(self.at, axis=0))), way)
+
+
 class BreathingCrack(Entry):
     """A crack, a connection that gapes, or play, which opens and closes under the moment of its member.
 
@@ -298,6 +322,7 @@ class Entries(Entry):
     segment: tuple[Segment, ...] = ()
     body: tuple[Body, ...] = ()
     oscillator: tuple[Oscillator, ...] = ()
+    ground: tuple[Ground, ...] = ()
     breathing_crack: tuple[BreathingCrack, ...] = ()
     sensor: tuple[Sensor, ...] = ()  #: sensors as mounted
     #: corrections of their channels, by the sensor's own name
@@ -309,6 +334,21 @@ class Entries(Entry):
     def channels(self) -> tuple[str, ...]:
         """Names of the sensors' channels, as logs have them."""
         return tuple(sensor.channel for sensor in self.corrected_sensors)
+
+    @property
+    def grounded_supports(self) -> tuple[Support, ...]:
+        """The supports, with stiff springs in the place of fixed axes along which a ground moves them."""
+        return tuple(self._grounded(support) for support in self.support) if self.ground else self.support
+
+    def _grounded(self, support: Support) -> Support:
+        moved = {
+            axis: _RIGID * part.stiffness
+            for part in self.ground
+            for axis, motion in zip(AXES, part.motion(support.at), strict=True)
+            if motion and axis in support.fixed
+        }
+        fixed = tuple(axis for axis in support.fixed if axis not in moved)
+        return support.model_copy(update={"fixed": fixed, "stiffness": {**support.stiffness, **moved}})
 
     @property
     def corrected_sensors(self) -> tuple[Sensor, ...]:

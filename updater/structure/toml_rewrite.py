@@ -25,6 +25,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "segment": ("member", "at", "extent"),
     "body": ("at",),
     "oscillator": ("at", "direction"),
+    "ground": ("at", "axis"),
     "breathing_crack": ("member", "at", "axis"),
 }
 

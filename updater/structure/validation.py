@@ -57,6 +57,11 @@ def check_names(structure: Entries) -> None:
     names = [member.name for member in structure.member]
     for segment in structure.segment:
         _known("segment at", str(list(segment.at)), "member", segment.member, names)
+    supports = {support.at for support in structure.support}
+    for ground in structure.ground:
+        for at in ground.at:
+            if at not in supports:
+                raise ValueError(f"ground along {ground.axis}: there is no support at {list(at)}")
     for crack in structure.breathing_crack:
         _known("breathing_crack at", str(list(crack.at)), "member", crack.member, names)
     for joint in structure.joint:
@@ -93,6 +98,8 @@ def check_places(structure: Entries) -> None:
             raise ValueError("joint: matrices from elsewhere have their joints in them")
         if structure.segment:
             raise ValueError("segment: matrices from elsewhere have their members' stiffness and mass in them")
+        if structure.ground:
+            raise ValueError("ground: supports of matrices from elsewhere stand on no ground")
         if structure.breathing_crack:
             raise ValueError("breathing_crack: matrices from elsewhere have no members that it could be in")
         return

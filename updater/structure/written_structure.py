@@ -171,13 +171,13 @@ def _rounded_weld(segment: Segment, std: float | None) -> Segment:
 
 
 def with_few_digits(structure: Structure, own: Structure) -> Structure:
-    """Return the structure with the numbers of bodies, segments, oscillators, cracks that `own` lacks to five digits.
+    """Return the structure with the numbers of parts that `own` lacks, such as bodies, to five digits.
 
     Places are to a micrometre: they stay on their member. Frequencies change by less than 5e-6.
     """
     parts = {
         kind: tuple(part if part in getattr(own, kind) else _with_few_digits(part) for part in getattr(structure, kind))
-        for kind in ("body", "segment", "oscillator", "breathing_crack")
+        for kind in ("body", "segment", "oscillator", "ground", "breathing_crack")
     }
     return structure.model_copy(update=parts)
 

@@ -6,11 +6,14 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy import sparse
 from scipy.sparse.linalg import eigsh, spsolve
 
 from daq import FloatArray, IndexArray
 from tests.examiner.models.bar import Bar, Vector, element, shape_functions
+
+_STIFF = 1e12  # N/m, N m/rad: of a rigid ground on a floor
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +58,16 @@ class Ground:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Floor:
+    """A floor on a spring of its own, which carries grounds: it moves along x y z (0..2) or about them (3..5)."""
+
+    grounds: tuple[int, ...]
+    axis: int
+    mass: float  #: [kg], or [kg m2] about the middle of its grounds
+    frequency: float  #: without the frame [Hz]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Meeting:
     """Two bars with a point in common; stiffness about x y z between them [N m/rad], infinite where they are one."""
 
@@ -75,6 +88,7 @@ class Frame:
     lumps: tuple[Lump, ...] = ()
     props: tuple[Prop, ...] = ()
     braces: tuple[Brace, ...] = ()
+    floors: tuple[Floor, ...] = ()
 
     def bar(self, name: str) -> Bar:
         """Bar of that name."""
@@ -129,8 +143,9 @@ class _Assembly:
             count += 6 * n
         for meeting in frame.meetings:
             self._join(meeting)
-        self.n = count + sum(bool(lump.spring) for lump in frame.lumps)
-        held = [self.node(g.bar, g.s)[np.isinf((*g.along, *g.about))] for g in frame.grounds]
+        self.n = count + sum(bool(lump.spring) for lump in frame.lumps) + len(frame.floors)
+        rigid = [np.isinf((*g.along, *g.about)) & ~self._carried(i) for i, g in enumerate(frame.grounds)]
+        held = [self.node(g.bar, g.s)[fixed] for g, fixed in zip(frame.grounds, rigid, strict=True)]
         used = np.unique(np.concatenate([d.ravel() for d in self.dofs.values()]))
         self.free = np.concatenate([np.setdiff1d(used, np.concatenate(held)), np.arange(count, self.n)])
 
@@ -204,19 +219,52 @@ class _Assembly:
         i, j = np.concatenate(rows), np.concatenate(columns)
         return [(np.concatenate(v), i, j) for v in found]
 
+    def _place(self, ground: int) -> FloatArray:
+        g = self.frame.grounds[ground]
+        return np.asarray(self.frame.bar(g.bar).point(g.s))
+
+    def _riding(self, ground: int, floor: Floor) -> FloatArray:
+        """Motion (6,) of a ground per motion of the floor that carries it."""
+        if ground not in floor.grounds:
+            return np.zeros(6)
+        way = np.eye(3)[floor.axis % 3]
+        if floor.axis < 3:
+            return np.append(way, np.zeros(3))
+        arm = self._place(ground) - np.mean([self._place(g) for g in floor.grounds], axis=0)
+        return np.append(np.cross(way, arm), way)
+
+    def _carried(self, ground: int) -> npt.NDArray[np.bool_]:
+        """Directions (6,) in which a floor moves a ground."""
+        ridden = [self._riding(ground, floor) != 0 for floor in self.frame.floors]
+        return np.any(ridden, axis=0) if ridden else np.zeros(6, bool)
+
+    def _grounded(self, unit: FloatArray) -> list[tuple[float, FloatArray]]:
+        """Springs of the grounds and of the floors that carry them."""
+        found, floors = [], unit[self.n - len(self.frame.floors) :]
+        for i, g in enumerate(self.frame.grounds):
+            ridden = sum(np.outer(self._riding(i, f), own) for f, own in zip(self.frame.floors, floors, strict=True))
+            strain = unit[self.node(g.bar, g.s)] - ridden
+            carried = self._carried(i)
+            for a, k in enumerate((*g.along, *g.about)):
+                if 0 < k < np.inf or carried[a]:
+                    found.append((min(k, _STIFF), strain[a]))
+        found += [
+            (f.mass * (2 * np.pi * f.frequency) ** 2, own) for f, own in zip(self.frame.floors, floors, strict=True)
+        ]
+        return found
+
     def _attached(self) -> tuple[Any, Any]:
         """Grounds, meetings, props and lumps."""
         frame, unit = self.frame, np.eye(self.n)
-        stiffness: list[tuple[float, FloatArray]] = []
-        for g in frame.grounds:
-            springs = zip((*g.along, *g.about), self.node(g.bar, g.s), strict=True)
-            stiffness += [(k, unit[d]) for k, d in springs if 0 < k < np.inf]
+        stiffness = self._grounded(unit)
         for m in frame.meetings:
             one, other = self.node(m.bar, m.s)[3:], self.node(m.other, m.t)[3:]
             stiffness += [(k, unit[a] - unit[b]) for k, a, b in zip(m.about, one, other, strict=True) if k < np.inf]
         stiffness += [(p.stiffness, self.rows(p.bar, p.s)[p.axis]) for p in frame.props]
         stiffness += [(b.stiffness, self._stretch(b)) for b in frame.braces]
-        mass, own = [], self.n - sum(bool(lump.spring) for lump in frame.lumps)
+        own = self.n - len(frame.floors)
+        mass = [(floor.mass, row) for floor, row in zip(frame.floors, unit[own:], strict=True)]
+        own -= sum(bool(lump.spring) for lump in frame.lumps)
         for lump in frame.lumps:
             rows = self.rows(lump.bar, lump.s)
             if lump.spring:

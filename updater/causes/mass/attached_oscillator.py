@@ -116,6 +116,7 @@ class AttachedOscillator:
             coupling=np.sqrt(mass)[:, None, None] * along[:, :, None],
             own=omega[:, None] ** -2.0,
             own_log_damping=theta[:, 2:],
+            carried=np.zeros((len(rows), len(self.comparison.channels), 1)),
         )
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
@@ -124,7 +125,7 @@ class AttachedOscillator:
         mass = self._magnitude(theta[:, 0], np.sqrt(covariance[:, 0, 0])).log_ratio
         if self.new is None:
             return np.asarray(mass + np.log(_UNSEEN))
-        explained = _log_explained(self.new, self.comparison.overdispersion)[np.unique(self.mode)]
+        explained = log_explained(self.new, self.comparison.overdispersion)[np.unique(self.mode)]
         # several new modes are equivalent: together with others only one remains here
         return np.asarray(mass + explained.mean())
 
@@ -309,7 +310,7 @@ def _begun(comparison: Comparison) -> FloatArray:
     return np.arange(seen.min() - np.log(_BEYOND), seen.max() + np.log(_BEYOND), _STEP)
 
 
-def _log_explained(new: NewModes, overdispersion: float) -> FloatArray:
+def log_explained(new: NewModes, overdispersion: float) -> FloatArray:
     """Return the log density of new modes (n_extra,) that fit to their noise, relative to modes without a cause.
 
     The latter come with a small probability, anywhere near in frequency, with any shape: uniform on half the sphere.

@@ -15,7 +15,7 @@ from updater.causes.modal_loads import modal_spring_force
 from updater.fe import self_stress
 from updater.inference import Effect, Fit, no_effect
 from updater.reference import Reference
-from updater.structure import AXES, Structure
+from updater.structure import Structure
 
 COMMON_FACTOR_STD = 0.025  # of ln f: stiffness or density known to 5 %
 
@@ -83,7 +83,7 @@ def ground_compliance(reference: Reference) -> FloatArray:
     found = np.zeros(2 * (len(reference.frequency) + stress.n,))
     for support in reference.structure.support:
         for axis, stiffness in support.stiffness.items():
-            force = modal_spring_force(reference, support, axis, model.node_rows(support.at, AXES.index(axis)))
+            force = modal_spring_force(reference, support, axis, model.support_rows(support.at, axis))
             found += np.outer(force, force) / stiffness
     return found
 

@@ -12,6 +12,8 @@ from updater.quantities import Quantity
 from updater.reference import Reference, best_model
 from updater.structure import Structure
 
+_NO_MASS = 1e-9
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GlobalDensity(CommonFactor):
@@ -48,9 +50,11 @@ def propose_global_density(reference: Reference, comparison: Comparison) -> Glob
     """Return the one alternative."""
     structure = reference.structure
     own = np.eye(len(comparison.frequency))
-    if (structure.body or structure.oscillator or structure.segment) and structure.external is None:
+    if (structure.body or structure.oscillator or structure.segment or structure.ground) and structure.external is None:
         segments = tuple(s.model_copy(update={"mass": 0.0}) for s in structure.segment)
-        alone = structure.model_copy(update={"body": (), "oscillator": (), "segment": segments})
+        # grounds keep their degrees of freedom, without mass
+        grounds = tuple(g.model_copy(update={"mass": _NO_MASS * g.mass}) for g in structure.ground)
+        alone = structure.model_copy(update={"body": (), "oscillator": (), "segment": segments, "ground": grounds})
         bare = best_model(alone).mass
         shape = reference.shape[: bare.shape[0]]  # oscillators' own come last
         own = shape.T @ (bare @ shape)

@@ -19,7 +19,6 @@ from updater.modal_data import Sites
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Where
 from updater.reference import Reference
 from updater.structure import (
-    AXES,
     Axis,
     Joint,
     Member,
@@ -278,7 +277,7 @@ def propose_support_stiffness(reference: Reference, comparison: Comparison) -> S
         advice,
         reference,
         comparison,
-        [(s, axes, [model.node_rows(s.at, AXES.index(a)) for a in axes]) for axes in (TURNS, SLIDES) for s in supports],
+        [(s, axes, [model.support_rows(s.at, a) for a in axes]) for axes in (TURNS, SLIDES) for s in supports],
     )
 
 
