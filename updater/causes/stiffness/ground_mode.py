@@ -34,6 +34,7 @@ from updater.structure import AXES, Axis, Ground, Structure, Support, Vector, fl
 _STIFF = 1e-6  # flexibility of a fixed foot, relative to that of the longest member
 _RATIO_STD = 5.0  # Gaussian prior of the mass of the structure over that of the ground, while it is fitted
 _MIN_RATIO, _MAX_RATIO = 0.005, 20.0  # range of the order of that ratio
+_LEAST = 0.1  # bound of the ratio, relative to the least one
 _BEGUN = (0.05, 0.3, 1.0, 4.0)  # ratios from which fits begin
 _TUNED = 0.15  # of ln f: standard deviation of the predicted frequency of the new mode before the fit
 _DAMPING_STD = 1.0  # of ln of its own damping over the modes': a third of it to three times as much
@@ -139,7 +140,7 @@ class GroundMode(Discrete):
 
     def _ground(self, row: int, theta: FloatArray) -> tuple[float, float]:
         """Return mass [kg] or [kg m2] and frequency [Hz] of the ground without the structure."""
-        ratio = max(float(theta[0]), _MIN_RATIO)
+        ratio = max(float(theta[0]), _LEAST * _MIN_RATIO)
         whole, mass = float(self.mass[row]) * (1 + 1 / ratio), float(self.mass[row]) / ratio
         total = whole * float(self._own(theta[None], np.array([row]))[0]) ** 2
         stiffness = max(total - float(self.held[row]), _SOFTEST * total)
@@ -178,7 +179,7 @@ def propose_ground_mode(reference: Reference, comparison: Comparison) -> GroundM
     )
     return GroundMode(
         prior_std=np.array([_RATIO_STD, _TUNED, _DAMPING_STD]),
-        lower=np.tile([0.1 * _MIN_RATIO, -np.inf, -np.inf], (len(number), 1)),
+        lower=np.tile([_LEAST * _MIN_RATIO, -np.inf, -np.inf], (len(number), 1)),
         drifting=True,
         comparison=comparison,
         reference=reference,

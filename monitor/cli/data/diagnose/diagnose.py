@@ -99,9 +99,9 @@ def diagnose(
 
     Names of causes for --only and --without: added_mass, global_stiffness, global_density, temperature,
     sampling_clock, local_stiffness, distributed_mass, axial_force, member_temperature, support_spring,
-    attached_oscillator, mesh_error, model_parameters, damping_change, amplitude_softening, support_stiffness,
-    joint_stiffness, sensor_gain, sensor_polarity, sensor_swap, sensor_orientation, sensor_position, sensor_delay,
-    sensor_dead. The words of an answer, such as 'dead sensor', are accepted too.
+    attached_oscillator, ground_mode, mesh_error, model_parameters, damping_change, amplitude_softening,
+    support_stiffness, joint_stiffness, sensor_gain, sensor_polarity, sensor_swap, sensor_orientation, sensor_position,
+    sensor_delay, sensor_dead. The words of an answer, such as 'dead sensor', are accepted too.
 
     Example:
     modalwatch diagnose structure.toml now.mcap --reference before.mcap --out out
