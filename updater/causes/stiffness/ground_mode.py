@@ -3,8 +3,8 @@
 With a foot on a mass m_g and a spring k_g, the structure moves statically with the foot by psi, and relative to that by
 its modes with fixed feet (Craig and Bampton). With z the motion of the ground times the root of m = m_g + psi^T M psi,
 the mass matrix is bordered by m^-1/2 Phi^T M psi and the flexibility by m / (k_g + psi^T K psi): exact in the modes of
-the reference. The foot's dynamic stiffness k_g (1 - omega^2 / omega_g^2) is positive for modes below the ground's frequency,
-which become lower, and negative for those above, which become higher.
+the reference. The dynamic stiffness k_g (1 - omega^2 / omega_g^2) under the foot is positive for modes below the
+frequency of the ground, which become lower, and negative for those above it, which become higher.
 
 Seen far below the ground's frequency, it is a foot with less stiffness: `support_stiffness`.
 
@@ -62,7 +62,7 @@ class GroundMode(Discrete):
     begun: FloatArray  #: (n, 3)
     name: str = "ground_mode"
     place_free: bool = False
-    advice: str = "Measure on the floor beside the foot, and on what stands next to it: the new mode must be there too."
+    advice: str = "Measure on the floor near the foot and on neighbouring structures: they must have the new mode too."
 
     @property
     def start(self) -> FloatArray:
