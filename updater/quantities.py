@@ -17,6 +17,7 @@ ECCENTRIC = 3.0  #: standard deviations from which the offset of a body from its
 SIGNIFICANT = 2.0  #: standard deviations by which a reported parameter differs from its value before, at least
 ONE_SIDED_95 = 1.645  #: standard deviations of a one-sided bound of 95 %
 BREATHES = 1e-3  #: p value below which a place opens and closes
+JOINT_ZONE = "stiffness factor"  #: quantities of the zones of a joint begin with it
 FREQUENCY_STD = 2e-3  #: error of a beam model in ln f, for any parameters
 GAIN_STD = 0.01  #: usual error of the gain of an accelerometer, by data sheets
 ASKEW_STD = 0.02  #: rad: usual misalignment of a sensor
@@ -198,8 +199,13 @@ class ParameterChange(PlainValue):
 
     @property
     def deviations(self) -> float:
-        """Difference from `before` in standard deviations, at least 0; infinite without a deviation."""
+        """Difference from `before` in standard deviations, at least 0; infinite without a deviation.
+
+        Of the zone of a joint it is that of the flexibility, of which a stiff zone has nearly none.
+        """
         off = self.after if self.before is None else abs(self.after - self.before)
+        if self.before is not None and self.quantity.startswith(JOINT_ZONE):  # as good as rigid, if not as known
+            off *= self.after / self.before
         if self.std > 0:
             return max(off / self.std, 0.0)
         return math.inf if off > 0 else 0.0

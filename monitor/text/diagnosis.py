@@ -22,7 +22,7 @@ from updater.diagnosis import (
     Separation,
     SmallestChange,
 )
-from updater.quantities import SIGNIFICANT, ExchangedSections, plain
+from updater.quantities import JOINT_ZONE, SIGNIFICANT, ExchangedSections, ParameterChange, plain
 
 _REASONS = {
     "uniform_shift": "not distinguishable from a uniform frequency shift",
@@ -50,6 +50,18 @@ _SMALLEST = {
     "sensor_gain": "gain error",
     "sensor_position": "shift of a sensor",
 }
+_BEYOND_TOLERANCE = 0.06  # of a section's factor: three deviations of rolled and cold-formed sections
+_RIGID_JOINT = (
+    "Members of the model meet at a point; a factor above 1 stands for a solid block, gussets or overlapping members."
+)
+_FLEXIBLE_JOINT = (
+    "Members of the model are joined without local deformation; the spring stands for walls that bend at the joint, "
+    "or for its bolts or weld."
+)
+_DEFORMED_SECTION = (
+    "Sections of the model keep their shape; the factor stands for shear lag, a section that deforms, or other "
+    "dimensions."
+)
 _DIFFERENT = 1e-3  # p value under which predicted and measured shifts by a known mass differ
 _SPOKEN_UNITS = _RATE_UNITS | {"m": (1000.0, "mm")}
 
@@ -85,10 +97,34 @@ def exchanged_text(found: ExchangedSections) -> str:
     )
 
 
+def effective_texts(causes: Sequence[Cause]) -> list[str]:
+    """Return which fitted parameters of the file stand for a deformation that a frame of beams does not have."""
+    found: dict[str, list[str]] = {}
+    for change in (change for cause in causes for change in cause.changes if cause.where is None and change.listed):
+        if meaning := _effective_meaning(change):
+            found.setdefault(meaning, []).append(change.name)
+    return [
+        f"Effective: {', '.join(dict.fromkeys(names))}. {meaning} The values hold for the frequency range of the "
+        "measured modes."
+        for meaning, names in found.items()
+    ]
+
+
+def _effective_meaning(change: ParameterChange) -> str:
+    """Return what an effective parameter stands for; empty for one that a frame of beams has."""
+    if change.quantity.startswith(JOINT_ZONE):
+        return _RIGID_JOINT
+    if change.of.startswith("the joint of"):
+        return _FLEXIBLE_JOINT
+    of_section = change.of.startswith("section") and not change.quantity.endswith("area")
+    return _DEFORMED_SECTION if of_section and abs(change.after - 1) > _BEYOND_TOLERANCE else ""
+
+
 def note_texts(diagnosis: DiagnosisAnswer) -> list[str]:
-    """Return what may be wrong in the structure file."""
+    """Return what may be wrong in the structure file, and which of its fitted parameters are effective."""
     exchanged = diagnosis.exchanged_sections
-    return [*([exchanged_text(exchanged)] if exchanged else []), *modulus_texts(diagnosis.calibration)]
+    notes = [exchanged_text(exchanged)] if exchanged else []
+    return [*notes, *modulus_texts(diagnosis.calibration), *effective_texts(diagnosis.causes)]
 
 
 def mass_test_text(found: MassTestFit) -> str:

@@ -34,12 +34,12 @@ from updater.structure import (
     flexibility_unit,
     is_of,
     is_rigid,
+    joint_zones,
     model_parameters_of,
     physical_unit,
     physical_value,
     place_name,
     stands_for_rigid,
-    welded,
 )
 
 #: times the estimated error of a mesh: standard deviation of that part of the frequencies' error that has one factor
@@ -402,7 +402,7 @@ class _Misfit:
     def _by_weld(self, model: Model, modes: Modes, knob: ModelParameter, less: float) -> FloatArray:
         """Return d ln omega by the share of flexibility that a weld takes, its elements' part of b^T dK b."""
         gained = np.zeros(len(modes.omega))
-        for member, start, end in welded(self._structure, knob.at):
+        for member, start, end in joint_zones(self._structure, knob):
             for element, local in parts_between(model, modes.shape, member, start, end):
                 more, fewer = (element.turned(np.exp(h)) for h in (_STEP, -_STEP))
                 change = (more.elastic_stiffness - fewer.elastic_stiffness) @ local / (2 * _STEP)

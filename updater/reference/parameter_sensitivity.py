@@ -8,6 +8,7 @@ from daq import FloatArray
 from updater.reference.calibration import best_model
 from updater.reference.sensitivity_method import frequency_slope
 from updater.structure import (
+    FACTORS,
     ModelParameter,
     Structure,
     apply_parameters,
@@ -18,7 +19,7 @@ from updater.structure import (
     with_springs,
 )
 
-_FACTORS = {"stiffness", "section"}  # kinds of which the logarithm is fitted
+_FACTORS = {"stiffness", *FACTORS}  # kinds of which the logarithm is fitted
 _RELATIVE_STEP = 1e-3  # of a flexibility or of ln E, in the central difference of the stiffness matrix
 _WELD_STEP = 1e-3  # of the share of its flexibility that a joint zone loses
 
@@ -54,7 +55,7 @@ def parameter_sensitivities(structure: Structure, n_modes: int) -> tuple[FloatAr
         by_stiffness = (upper.stiffness - lower.stiffness) @ modes.shape
         by_mass = (upper.mass - lower.mass) @ modes.shape * modes.omega**2
         slope = frequency_slope(modes.omega, modes.shape, (by_stiffness - by_mass) / (2 * h))
-        moved = -knob.prior if knob.kind in _FACTORS else min(knob.prior, knob.upper)
+        moved = -knob.prior if knob.kind in _FACTORS and knob.lower < 0 else min(knob.prior, knob.upper)
         found.append(
             ParameterSensitivity(
                 name=knob.key,

@@ -18,6 +18,8 @@ from updater.structure.entries import Segment as Segment
 from updater.structure.entries import Support as Support
 from updater.structure.entries import Updating as Updating
 from updater.structure.entries import local_axes as local_axes
+from updater.structure.parameters import FACTORS as FACTORS
+from updater.structure.parameters import JOINT_ZONES as JOINT_ZONES
 from updater.structure.parameters import TURNS as TURNS
 from updater.structure.parameters import ModelParameter as ModelParameter
 from updater.structure.parameters import all_knobs as all_knobs
@@ -28,13 +30,13 @@ from updater.structure.parameters import connection_of as connection_of
 from updater.structure.parameters import flexibility_unit as flexibility_unit
 from updater.structure.parameters import is_of as is_of
 from updater.structure.parameters import is_rigid as is_rigid
+from updater.structure.parameters import joint_zones as joint_zones
 from updater.structure.parameters import model_parameters_of as model_parameters_of
 from updater.structure.parameters import nominal_parameters as nominal_parameters
 from updater.structure.parameters import physical_slope as physical_slope
 from updater.structure.parameters import physical_unit as physical_unit
 from updater.structure.parameters import physical_value as physical_value
 from updater.structure.parameters import segments_of_one as segments_of_one
-from updater.structure.parameters import welded as welded
 from updater.structure.parameters import with_springs as with_springs
 from updater.structure.place_names import NamedPlaces as NamedPlaces
 from updater.structure.place_names import place_name as place_name

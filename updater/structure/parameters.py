@@ -25,6 +25,8 @@ _UNMOVED = 1e-8  # the least of a bearing, c E I / L^3
 _WELD_PRIOR = 0.5  # relative to the flexibility that a joint's zone lacks compared with the members
 _WELDED = 0.95  # the most
 _THICK = 2.0  # radii of gyration that a joint reaches: as far as a member is thick
+_BLOCK = 4.0  # radii of gyration that a block or gusset reaches: of a solid bar 1.15 times its depth
+_BLOCK_PRIOR = 2.0  # of ln of its factor on stiffness: a solid block is as good as rigid
 _MAX_OF_MEMBER = 0.25  # of a member's length, that it reaches at the most
 _OUTSIDE = 0.01  # relative distance outside its bounds that a file's value may have: it may be rounded
 _PLACE_DIGITS = 6  # of a weld's place and extent in metres
@@ -44,6 +46,8 @@ _START = 0.05  # times its standard deviation: start of nominally rigid or unwel
 TURNS = AXES[3:]
 _FACTOR = ".K"  # ending of the keys of factors on the stiffness of external matrices
 _MASSES = {"body", "housings"}  # kinds of parameters that are masses
+JOINT_ZONES = {"weld", "block"}  #: kinds of parameters that are stiffer zones about a joint
+FACTORS = {"section", "block"}  #: kinds of parameters that are ln of a factor on the file's stiffness
 Meeting = tuple[str, Vector]  #: a member, and where it meets others
 
 
@@ -63,7 +67,7 @@ class ModelParameter:
     name: str
     key: str  #: name of the parameter, such as `steel.E`, `support 0.ry`, `crossbeam.rz`, `crossbeam.weld`
     prior: float  #: standard deviation about the mean
-    kind: Literal["stiffness", "support", "joint", "weld", "section", "body", "housings"]
+    kind: Literal["stiffness", "support", "joint", "weld", "block", "section", "body", "housings"]
     target: str = ""  #: material, index of the support or body, member, or section
     at: Vector = (0.0, 0.0, 0.0)  #: position of a joint, weld or body [m]
     axis: Axis = "x"
@@ -91,8 +95,8 @@ class ModelParameter:
         """Physical quantity of the parameter."""
         if self.kind == "stiffness":
             return "stiffness" if self.key.endswith(_FACTOR) else "Young's modulus"
-        if self.kind == "weld":
-            return "stiffness factor of the joint zone"
+        if self.kind in JOINT_ZONES:
+            return f"stiffness factor {'of' if self.kind == 'weld' else 'beyond'} the joint zone"
         if self.kind == "section":
             named = {_AREA: "factor on area", "rx": "factor on twist"}
             return named.get(self.axis) or f"factor on bending about local {self.axis[1]}"
@@ -107,7 +111,7 @@ class ModelParameter:
         """Material, support, joint, section or body that it belongs to."""
         if self.kind == "stiffness":
             return self.target or "matrices"
-        if self.kind == "weld":
+        if self.kind in JOINT_ZONES:
             return self.target
         if self.kind == "section":
             return f"section {self.target}"
@@ -212,7 +216,7 @@ def physical_value(structure: Structure, knob: ModelParameter, value: float) -> 
         return _filed_modulus(structure, knob) * float(np.exp(value))
     if knob.kind == "weld":
         return 1 / (1 - value)
-    if knob.kind == "section":
+    if knob.kind in FACTORS:
         return float(np.exp(value))
     if knob.kind == "body":
         return structure.body[int(knob.target)].mass * (1 + value)
@@ -230,7 +234,7 @@ def physical_slope(structure: Structure, knob: ModelParameter, value: float) -> 
     value : fitted value [unit of the parameter]
     """
     now = physical_value(structure, knob, value)
-    if knob.kind in {"stiffness", "section"}:
+    if knob.kind in {"stiffness", *FACTORS}:
         return now
     if knob.kind in _MASSES:
         return abs(structure.body[int(knob.target)].mass) if knob.kind == "body" else 1.0
@@ -243,7 +247,7 @@ def fitted_value(structure: Structure, knob: ModelParameter, value: float) -> fl
         return float(np.log(value / _filed_modulus(structure, knob)))
     if knob.kind == "weld":
         return 1 - 1 / value
-    if knob.kind == "section":
+    if knob.kind in FACTORS:
         return float(np.log(value))
     if knob.kind == "body":
         return value / structure.body[int(knob.target)].mass - 1
@@ -256,7 +260,7 @@ def physical_unit(structure: Structure, knob: ModelParameter) -> str:
     """Return the unit of a parameter: Pa, N m/rad, N/m, kg, or - for a factor."""
     if knob.kind == "stiffness":
         return "-" if structure.external is not None else "Pa"
-    if knob.kind in {"weld", "section"}:
+    if knob.kind in {*JOINT_ZONES, "section"}:
         return "-"
     if knob.kind in _MASSES:
         return "kg"
@@ -311,7 +315,24 @@ def all_knobs(structure: Structure) -> list[ModelParameter]:
 
 def _of_the_file(structure: Structure) -> list[ModelParameter]:
     """Return the parameters that only an error of the file changes."""
-    return [*_of_sections(structure), *_of_masses(structure)]
+    return [*_of_sections(structure), *_of_masses(structure), *_of_blocks(structure)]
+
+
+def _of_blocks(structure: Structure) -> list[ModelParameter]:
+    """Return the stiffness about joints beyond the welds, as by a solid block or gussets."""
+    blocks = (
+        replace(
+            weld,
+            kind="block",
+            name=weld.name.replace("weld of", "block of", 1),
+            key=f"{weld.key.removesuffix('weld')}block",
+            prior=_BLOCK_PRIOR,
+            upper=np.inf,
+        )
+        for weld in all_knobs(structure)
+        if weld.kind == "weld"
+    )
+    return [block for block in blocks if joint_zones(structure, block)]
 
 
 def _of_masses(structure: Structure) -> list[ModelParameter]:
@@ -485,8 +506,8 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
             old, factor = material[knob.target], float(np.exp(value))
             changed = {"youngs_modulus": old.youngs_modulus * factor, "shear_modulus": old.shear_modulus * factor}
             material[knob.target] = old.model_copy(update=changed)
-        elif knob.kind == "weld":
-            welds += weld_segments(structure, knob.at, value)
+        elif knob.kind in JOINT_ZONES:
+            welds += joint_segments(structure, knob, physical_value(structure, knob, value))
         elif knob.kind == "section":
             factors.setdefault(knob.target, {})[knob.axis] = round(float(np.exp(value)), _SECTION_DIGITS)
         elif knob.kind == "body":
@@ -555,24 +576,31 @@ def is_of(structure: Structure, connection: Support | Joint, knob: ModelParamete
     return knob.kind == "support" and connection.at == structure.support[int(knob.target)].at
 
 
-def weld_segments(structure: Structure, point: Vector, less: float) -> list[Segment]:
-    """Return the ends of the members that meet at a point, with so much less flexibility in bending and twist."""
+def joint_segments(structure: Structure, knob: ModelParameter, factor: float) -> list[Segment]:
+    """Return the zones of the members that meet at a joint, with a factor on stiffness in bending and twist."""
     found = []
-    for member, start, end in welded(structure, point):
+    for member, start, end in joint_zones(structure, knob):
         x, y, z = member.point((start + end) / 2).round(_PLACE_DIGITS).tolist()
         extent = round(end - start, _PLACE_DIGITS)
-        found.append(Segment(member=member.name, at=(x, y, z), extent=extent, stiffness=1 / (1 - less)))
+        found.append(Segment(member=member.name, at=(x, y, z), extent=extent, stiffness=factor))
     return found
 
 
-def welded(structure: Structure, point: Vector) -> list[tuple[Member, float, float]]:
-    """Return the members that meet at a point, and from where to where along each the joint reaches [m]."""
+def joint_zones(structure: Structure, knob: ModelParameter) -> list[tuple[Member, float, float]]:
+    """Return the members that meet at a joint, and from where to where along each a zone of it reaches [m].
+
+    A weld reaches from the joint as far as a member is thick, a block from there on.
+    """
     found = []
     for member in structure.member:
-        if member.passes(point):
-            section, s = structure.section[member.section], float(np.linalg.norm(np.subtract(point, member.start)))
-            reach = min(_THICK * (max(section.second_moment) / section.area) ** 0.5, _MAX_OF_MEMBER * member.length)
-            found.append((member, max(s - reach, 0.0), min(s + reach, member.length)))
+        if member.passes(knob.at):
+            section, s = structure.section[member.section], float(np.linalg.norm(np.subtract(knob.at, member.start)))
+            radius, most = (max(section.second_moment) / section.area) ** 0.5, _MAX_OF_MEMBER * member.length
+            inner, outer = min(_THICK * radius, most), min(_BLOCK * radius, most)
+            beyond = [(s - outer, s - inner), (s + inner, s + outer)]
+            zones = beyond if knob.kind == "block" else [(s - inner, s + inner)]
+            cut = [(max(start, 0.0), min(end, member.length)) for start, end in zones]
+            found += [(member, start, end) for start, end in cut if end - start > ON_MEMBER]
     return found
 
 

@@ -9,11 +9,12 @@ from updater.quantities import rounded_value
 from updater.structure.base import Entry, Vector
 from updater.structure.entries import AXES, Axis, External, Joint, Material, Segment, Support
 from updater.structure.parameters import (
+    JOINT_ZONES,
     ModelParameter,
     flexibility_unit,
     is_of,
     is_rigid,
-    weld_segments,
+    joint_segments,
 )
 from updater.structure.structure import Structure
 
@@ -133,8 +134,8 @@ def rounded(structure: Structure, knobs: Sequence[ModelParameter], std: Mapping[
             supports[int(knob.target)] = _rounded_spring(supports[int(knob.target)], knob.axis, std[knob.key])
         elif knob.kind == "joint":
             joints = [_rounded_spring(j, knob.axis, std[knob.key]) if is_of(structure, j, knob) else j for j in joints]
-        elif knob.kind == "weld":
-            zones = weld_segments(structure, knob.at, 0.0)
+        elif knob.kind in JOINT_ZONES:
+            zones = joint_segments(structure, knob, 1.0)
             welds |= {(zone.member, zone.at, zone.extent): std[knob.key] for zone in zones}
     segments = [_rounded_weld(s, welds.get((s.member, s.at, s.extent))) for s in structure.segment]
     parts = {"material": material, "support": tuple(supports), "joint": tuple(joints), "segment": tuple(segments)}

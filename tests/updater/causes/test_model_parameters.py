@@ -13,7 +13,7 @@ from tests.examiner.path import after, answer, structure_of
 from tests.support.thorough import few_of
 from tests.support.updater.moved_parameters import Differenced, Moved
 from tests.support.updater.reference_frame import measure, t_frame, true_model
-from updater import Reference, build_model, diagnose, learn_reference, matched, nominal_reference, stack_tracks
+from updater import Body, Reference, build_model, diagnose, learn_reference, matched, nominal_reference, stack_tracks
 from updater.causes import Cause, SelectedCause, prediction, propose_model_parameters
 from updater.inference import Comparison, Fit, compare, fit, linearised
 from updater.inference.sensor_errors import without_sensor_errors
@@ -47,6 +47,23 @@ def test_prediction_of_all_parameters_matches_the_extended_structure(name: str) 
     found = data.frequency[data.paired] * np.exp(prediction(data, [SelectedCause(cause, 0, theta)]).log_ratio[0])
     assert np.abs(np.log(found / data.frequency[data.paired])).max() > 0.005
     assert np.abs(np.log(found[:, None] / exact)).min(1).max() < 2e-3
+
+
+def test_zones_of_a_joint_are_predicted_as_the_file_has_them() -> None:
+    """A through beam with a body at the joint: its moments jump there, inside the zone of the weld."""
+    loaded = t_frame().with_bodies([Body(at=(0.0, 0.0, 1.48), mass=1.0, inertia=(0.01, 0.01, 0.01))])
+    reference, data = _asked(loaded, np.random.default_rng(959))
+    cause = propose_model_parameters(reference, data)
+    assert cause is not None
+    theta = np.zeros(len(cause.knobs))
+    keys = [knob.key for knob in cause.knobs]
+    theta[keys.index("crossbeam.weld")], theta[keys.index("crossbeam.block")] = 0.8, 2.0
+    written = build_model(cause.extend(reference.structure, 0, theta), shear_flexible=True, mass="consistent")
+    shift = prediction(data, [SelectedCause(cause, 0, theta)]).log_ratio[0]
+    found = data.frequency[data.paired] * np.exp(shift)
+    print("shifts, %:", (100 * shift).round(2))
+    assert np.abs(shift).max() > 0.01
+    assert np.abs(np.log(found[:, None] / written.modes(40).frequency)).min(1).max() < 3e-4
 
 
 def test_members_at_one_point_share_one_bounded_weld() -> None:

@@ -10,6 +10,7 @@ from updater.reference import best_model, parameter_sensitivities
 from updater.structure import ModelParameter, apply_parameters, model_parameters_of, nominal_parameters, with_springs
 
 FRAME = t_structure_toml()
+ROUNDING = 1e-7  # relative change by a step, of eigenvalues that are known to 1e-9
 
 
 def _keys(text: str) -> list[str]:
@@ -95,7 +96,10 @@ def test_unknown_cause_is_refused_with_a_suggestion() -> None:
 
 
 def test_sensitivities_match_recomputed_models() -> None:
-    """Compared with models solved again with a hundredth of each step; 1 % of the largest, for second-order effects."""
+    """Compared with models solved again with a hundredth of each step; 1 % of the largest, for second-order effects.
+
+    A wall's thickness changes stiffness and mass alike, so that only rounding of the eigenvalues is left.
+    """
     structure = parse_structure(FRAME)
     frequency, found = parameter_sensitivities(structure, 8)
     knobs, sprung = model_parameters_of(structure, of_file=True), with_springs(structure)
@@ -107,7 +111,8 @@ def test_sensitivities_match_recomputed_models() -> None:
             start[i] = 1e-6
         before, after = (best_model(apply_parameters(sprung, knobs, x)).modes(8).frequency for x in (start, moved))
         change = 100 * np.log(after / before)
-        np.testing.assert_allclose(one.change, change, atol=0.01 * np.abs(change).max(), err_msg=knob.key)
+        tolerance = 0.01 * np.abs(change).max() + ROUNDING
+        np.testing.assert_allclose(one.change, change, atol=tolerance, err_msg=knob.key)
     np.testing.assert_allclose(frequency[:2], [10.78, 10.97], rtol=1e-3)
     assert found[0].nominal == 210e9
     assert np.isinf(next(one for one in found if one.name == "support 0.ry").nominal)

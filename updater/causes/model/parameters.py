@@ -22,7 +22,11 @@ from updater.inference import Comparison, Effect, Fit, common_magnitude, no_effe
 from updater.quantities import ParameterChange, Quantity
 from updater.reference import Reference, best_model, spring_of
 from updater.structure import (
+    FACTORS,
+    JOINT_ZONES,
+    ON_MEMBER,
     TURNS,
+    Member,
     ModelParameter,
     Structure,
     apply_parameters,
@@ -30,11 +34,11 @@ from updater.structure import (
     connection_of,
     flexibility_unit,
     is_negligible,
+    joint_zones,
     physical_slope,
     physical_unit,
     physical_value,
     segments_of_one,
-    welded,
 )
 
 _STIFFNESS_STD = 0.05  # ln E including the density, which frequencies cannot distinguish from it
@@ -91,7 +95,7 @@ class ModelParameters(Discrete):
 
     @property
     def _stiffness(self) -> IndexArray:
-        return np.array([knob.kind in {"stiffness", "section"} for knob in self.knobs])
+        return np.array([knob.kind in {"stiffness", *FACTORS} for knob in self.knobs])
 
     @property
     def _masses(self) -> BoolArray:
@@ -259,13 +263,22 @@ def _compliance(reference: Reference, knob: ModelParameter, value: float, file: 
             if knob.target == (member.section if of_section else member.material)
         ]
         return np.asarray(np.sum(parts, axis=0))
-    if knob.kind == "weld":
-        zones = welded(model.structure, knob.at)
-        parts = [_between(reference, members.index(m), np.array([start, end]), _TURNED) for m, start, end in zones]
-        return np.asarray(-np.sum(parts, axis=0)) / (1 - value)
+    if knob.kind in JOINT_ZONES:
+        parts = [
+            _between(reference, members.index(m), np.unique([start, *_inside(knob, m, start, end), end]), _TURNED)
+            for m, start, end in joint_zones(model.structure, knob)
+        ]
+        whole = np.asarray(np.sum(parts, axis=0))
+        return whole if knob.kind in FACTORS else -whole / (1 - value)
     row, _ = spring_of(model, knob)
     force = modal_spring_force(reference, connection_of(model.structure, knob), knob.axis, row)
     return np.outer(force, force) / flexibility_unit(file, knob.axis, knob.at)
+
+
+def _inside(knob: ModelParameter, member: Member, start: float, end: float) -> list[float]:
+    """Return where a member passes a joint between two distances from its start [m]: its moments jump there."""
+    at = float(np.linalg.norm(np.subtract(knob.at, member.start)))
+    return [at] if start + ON_MEMBER < at < end - ON_MEMBER else []
 
 
 def _masses(reference: Reference, knobs: Sequence[ModelParameter], file: Structure) -> FloatArray:

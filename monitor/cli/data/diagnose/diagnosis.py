@@ -47,7 +47,7 @@ from monitor.text.causes import (
     probability_text,
     uncertain_text,
 )
-from monitor.text.diagnosis import written_bodies_texts
+from monitor.text.diagnosis import effective_texts, written_bodies_texts
 from monitor.text.sensors import health_result
 from monitor.views.report import diagnosis_report, load_typst
 from updater import DiagnosisResult, ModelError, Structure, build_model, dump_structure, load_structure, parse_structure
@@ -492,6 +492,7 @@ def _provenance(found: DiagnosisResult, structure_path: Path, logs: Logs) -> str
     for cause in listed_causes(found.diagnosis.causes):
         lines.append(f"{cause_text(cause)} (probability {probability_text(cause)})")
         lines += [f"  not written, but as compatible with the data: {text}" for text in alternative_texts(cause)]
+    lines += effective_texts(found.diagnosis.causes)
     lines += _calibrated_again(found)
     if logs.reference:
         lines.append("and what was fitted to the latter: the stiffness of materials, feet and joints")
