@@ -16,7 +16,8 @@ from updater.quantities import ParameterChange
 from updater.structure import apply_parameters, model_parameters_of
 
 N_USED, N_UNUSED = 8, 4
-REFUSED = {10}  # draws of which no answer is given
+REFUSED = {10}  # draws without an answer
+FOOT_REFUSED = {2}
 FILE_CAUSE = Cause(cause="model_parameters", where=None, parameters={}, probability=1.0)
 
 
@@ -97,3 +98,35 @@ def test_solid_block_is_a_rigid_joint_and_no_defect(seed: int) -> None:
     before, after = (prediction_errors(one, frequency, shape)[N_USED:] for one in (specimen.file, written))
     print("modes not measured, %:", before.round(2), after.round(2))
     assert np.sqrt(np.mean(after**2)) < 0.5 * np.sqrt(np.mean(before**2))
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("effect", ["body", "foot"])
+@pytest.mark.parametrize("seed", range(1, 5))
+def test_change_of_a_frame_with_a_block_is_found(seed: int, effect: str) -> None:
+    """Against reference logs, whose calibration has no parameter beyond the joint zone."""
+    specimen, random = draw_specimen(seed), np.random.default_rng((seed, 78))
+    beam, steel = specimen.file.member_named("beam"), specimen.file.material["steel"]
+    weight = sum(steel.density * specimen.file.section[m.section].area * m.length for m in specimen.file.member)
+    x, y, z = beam.point(random.uniform(0.2, 0.9) * beam.length).round(4).tolist()
+    mass, left, axis = weight * random.uniform(0.02, 0.05), random.uniform(0.3, 0.6), str(random.choice(["rx", "ry"]))
+    changed = (
+        specimen.modes(N_USED, body=((x, y, z), mass))
+        if effect == "body"
+        else specimen.modes(N_USED, loosened={axis: left})
+    )
+    before = measured_modes(specimen, *specimen.modes(N_USED), random, n=8, better=0.5)
+    now = measured_modes(specimen, *changed, random, first=20, better=0.5)
+    found = explain(specimen.file, before, now).diagnosis
+    named = {cause.cause: cause for cause in found.causes}
+    print(f"seed {seed}", effect, (x, y, z), mass, axis, left * specimen.foot, found.verdict, named)
+    if effect == "body":
+        body = named["added_mass"]
+        assert body.where is not None
+        assert body.where.position is not None
+        assert np.linalg.norm(np.subtract(body.where.position, (x, y, z))) < 0.03
+        assert abs(body.parameters["mass"].value - mass) < 3 * body.parameters["mass"].std
+    elif seed not in FOOT_REFUSED:
+        foot = named["support_stiffness"].parameters[f"stiffness_{axis}"]
+        true = left * specimen.foot[("rx", "ry", "rz").index(axis)]
+        assert abs(foot.value - true) < 3 * foot.std
