@@ -99,7 +99,7 @@ def test_exact_derivatives_match_finite_differences(name: str) -> None:
     np.testing.assert_array_equal(rest, same)
     exact, differenced = exact * cause.prior_std, differenced * cause.prior_std
     assert np.abs(exact).max() > 1
-    np.testing.assert_allclose(exact, differenced, rtol=0, atol=1e-3)
+    np.testing.assert_allclose(exact, differenced, rtol=2e-4, atol=1e-3)  # differences over a factor of e^2
 
 
 @pytest.mark.parametrize(("seed", "more"), few_of([(953, OTHERS), (953, None), (955, None)]))
