@@ -123,9 +123,10 @@ def _most_probable_law(place: LossTests, tests: Sequence[ActionTest], n_tests: i
     std : of the mean flexibility, relative [-]
     """
     laws = [[test for test in tests if test.symmetric == symmetric] for symmetric in (False, True)]
-    best = [max(law, key=lambda test: test.log_density) for law in laws]
+    # alike for all places and laws: the products of one that does not hold scatter more
+    noise = max(tests, key=lambda test: test.explained).spread
+    best = [max(law, key=lambda test: test.log_density(noise)) for law in laws]
     usual = [test.against(place.before(test)) for test in best]
-    noise = min(test.spread for test in best)  # the products of a law that does not hold scatter more
     p_value = min(1.0, n_tests * min(p for _, _, p in usual))
     found = [
         _Posterior.of(own, (bias, of_bias), p_value, std, noise)
@@ -260,22 +261,23 @@ class _Posterior:
         bias : size without a loss, and its variance
         p_value : of all tests
         std : of the mean flexibility, relative [-]
-        noise : variance of the products over the expected one, alike for laws that are compared
+        noise : variance of the products over the expected one, alike for places and laws that are compared
         """
         closes = p_value < BREATHES
         thresholds = _OF_BOTH_SIDES if tests[0].symmetric else _THRESHOLDS
         grid = list(itertools.product(thresholds if closes else (tests[0].usual_threshold,), range(len(UNKNOWN))))
-        most = max(test.log_density for test in tests)
-        cells = [(test, *values) for test in tests if test.log_density > most - PROBABLE for values in grid]
-        gain, width, share, variance, often, part = np.array([test.fitted(*bias, *values) for test, *values in cells]).T
+        least = max(test.log_density(noise) for test in tests) - PROBABLE
+        cells = [(test, *values) for test in tests if test.log_density(noise) > least for values in grid]
+        explained, width, share, variance, often, part = np.array(
+            [test.fitted(*bias, *values) for test, *values in cells]
+        ).T
         variance += (std**2 + _MODEL_STD**2) * share**2
         prior = np.array([test.prior + UNKNOWN_LOG_DENSITY[unknown] for test, _, unknown in cells])
-        more_noise = noise / np.array([test.spread for test, _, _ in cells])
-        log = prior + gain + np.log(width)  # the integral over the share, whose density is uniform
+        # the integral over the share, whose density is uniform
+        log = prior + explained / noise + np.log(width * np.sqrt(noise))
         if closes:
             log, share, variance = _within_bounds(log, share, variance)
-        alike = log + gain * (1 / more_noise - 1) + 0.5 * np.log(more_noise)
-        log_evidence = float(scipy.special.logsumexp(alike)) - np.log(len(grid))
+        log_evidence = float(scipy.special.logsumexp(log)) - np.log(len(grid))
         weight = np.exp(log - log.max())
         weight /= weight.sum()
         mean, open_time = float(weight @ share), float(weight @ often)

@@ -7,7 +7,7 @@ Price, R. (1958). A useful theorem for nonlinear devices having Gaussian inputs.
 """
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -51,8 +51,8 @@ Loss = LocalStiffness | Springs  #: causes that may open and close
 class ShareFit(NamedTuple):
     """Share of the mean flexibility that is absent while a place is closed, at a threshold."""
 
-    log_ratio: float  #: log likelihood of the share less that of none [-]
-    width: float  #: standard deviation of the share by the signals alone [-]
+    explained: float  #: log likelihood of the share less that of none, for noise of power 1
+    width: float  #: standard deviation of the share by the signals alone, for noise of power 1
     share: float
     variance: float  #: of the share, with that of the size without a loss
     open_time: float  #: share of the time
@@ -123,24 +123,40 @@ class ModalState:
 class SignalWindow:
     """Signals of a window, whitened.
 
+    They are whitened by the model of their modes first: the segments of a spectral matrix are shorter than the free
+    vibration of a mode. What remains of a force is then not correlated with earlier motion, nor with the rotation that
+    depends on it, however strongly the rotation acts on the motion.
+
     A spectral matrix that is estimated from the signals that it whitens takes part of them for noise. Therefore, each
     half of the window is whitened by the spectral matrix of the other half.
     """
 
-    def __init__(self, band: tuple[float, float], at_channels: FloatArray, data: FloatArray, rate: float) -> None:
+    def __init__(self, state: ModalState, at_channels: FloatArray, data: FloatArray, rate: float) -> None:
         self.rate, self.n = rate, len(data)
-        self._data, self._at_channels = data, at_channels
-        self._limits = band[0], min(band[1], PASS * rate)
+        self._at_channels = at_channels
+        self._limits = state.band[0], min(state.band[1], PASS * rate)
         lines: FloatArray = np.fft.rfftfreq(self.n, 1 / rate).astype(np.float64)
         self._band = np.flatnonzero((self._limits[0] <= lines) & (lines <= self._limits[1]))
         self._lines = lines[self._band]
+        segment, self._measured = self._segment(self.n), self._spectrum(data)
+        eigenvalues = np.linalg.eigvalsh(spectral_matrix(data, rate, segment))
+        noise = np.maximum(np.quantile(eigenvalues, _NOISE, axis=1), _LEAST * eigenvalues.sum(1))
+        self._noise = 0.5 * self.n * rate * noise[self._nearest(segment)]  #: (n_lines,) power in each channel
+        #: (n_lines, n_channels, n_channels) by which spectra are whitened first
+        self._root = np.concatenate(
+            [
+                np.linalg.inv(np.linalg.cholesky(covariance)).astype(np.complex64)
+                for covariance in self._covariances(state, self._force(state))
+            ]
+        )
+        self._data = self._signal(self._prewhitened(self._measured))
         halves = np.array_split(np.arange(self.n), 2)
         self._fades = [self._faded(half) for half in halves]
-        self._inverses = [self._inverse_spectrum(data[half]) for half in halves[::-1]]
+        self._inverses = [self._inverse_spectrum(self._data[half]) for half in halves[::-1]]
         #: (n_lines, n_channels) product with faded and whitened predictions of signals
         self._target = np.zeros((len(self._lines), data.shape[1]), complex)
         for half, fade in enumerate(self._fades):
-            whitened = self._whitened(half, self._spectrum(fade[:, None] * data))
+            whitened = self._whitened(half, self._spectrum(fade[:, None] * self._data))
             self._target += self._spectrum(fade[:, None] * self._signal(whitened))
         #: (n_parts,) mean power of the whitened signals in each part: forces may not be stationary
         self._power = self._parts_of(np.concatenate([self._white_power(k, half) for k, half in enumerate(halves)]))
@@ -160,7 +176,7 @@ class SignalWindow:
             return None
         if (np.ptp(data, axis=0) == 0).any():
             return None
-        return cls(state.band, comparison.at_channels[known], data - data.mean(0), recording.rate)
+        return cls(state, comparison.at_channels[known], data - data.mean(0), recording.rate)
 
     def modal_motion(self, state: ModalState) -> tuple[ComplexArray, FloatArray]:
         """Return the motion (n_lines, n_modes) in the reference's modes, times omega^2 of the modes of the state.
@@ -169,25 +185,31 @@ class SignalWindow:
         motion. Forces are white on all modes alike, and noise is alike in all sensors, both
         within a range of frequencies.
         """
-        segment, spectrum = self._segment(self.n), self._spectrum(self._data)
-        eigenvalues = np.linalg.eigvalsh(spectral_matrix(self._data, self.rate, segment))
-        noise = (0.5 * self.n * self.rate * np.quantile(eigenvalues, _NOISE, axis=1))[self._nearest(segment)]
-        system, shape = state.system, self._at_channels @ state.vector
+        system, shape, force = state.system, self._at_channels @ state.vector, self._force(state)
         inside = (self._limits[0] < system.frequency) & (system.frequency < self._limits[1])
-        gain = (np.abs(system.accelerance(self._lines)) ** 2) @ (shape**2).sum(0)
-        power = np.maximum((np.abs(spectrum) ** 2).sum(1) - len(shape) * noise, 0.0)
-        force = self._near(power) / self._near(gain)
         found = []
-        for part in self._parts():
+        for part, covariance in zip(self._parts(), self._covariances(state, force), strict=True):
             accelerance = system.accelerance(self._lines[part])
-            response = accelerance[:, None, :] * shape
-            covariance = force[part, None, None] * response @ response.conj().swapaxes(1, 2)
-            covariance += noise[part, None, None] * np.eye(len(shape))
-            weighted = np.linalg.solve(covariance, spectrum[part, :, None])[:, :, 0]
-            forces = force[part, None] * (response.conj() * weighted[:, :, None]).sum(1)
+            weighted = np.linalg.solve(covariance, self._measured[part, :, None])[:, :, 0]
+            forces = force[part, None] * accelerance.conj() * (weighted @ shape)
             displacement = -forces * accelerance / (2 * np.pi * self._lines[part, None]) ** 2
             found.append((displacement * system.omega**2)[:, inside] @ state.vector[:, inside].T)
         return np.concatenate(found), force
+
+    def _force(self, state: ModalState) -> FloatArray:
+        """Return the power (n_lines,) of the force on each mode."""
+        shape = self._at_channels @ state.vector
+        gain = (np.abs(state.system.accelerance(self._lines)) ** 2) @ (shape**2).sum(0)
+        power = np.maximum((np.abs(self._measured) ** 2).sum(1) - len(shape) * self._noise, 0.0)
+        return np.asarray(self._near(power) / self._near(gain))
+
+    def _covariances(self, state: ModalState, force: FloatArray) -> Iterator[ComplexArray]:
+        """Yield those of the signals by the model (n_lines, n_channels, n_channels), of one part of lines at a time."""
+        shape = self._at_channels @ state.vector
+        for part in self._parts():
+            response = state.system.accelerance(self._lines[part])[:, None, :] * shape
+            covariance = force[part, None, None] * response @ response.conj().swapaxes(1, 2)
+            yield covariance + self._noise[part, None, None] * np.eye(len(shape))
 
     def unknown_part(self, state: ModalState, action: FloatArray, force: FloatArray, known: ComplexArray) -> float:
         """Return the standard deviation of the part of an action that is not known, over that of the known part.
@@ -234,7 +256,7 @@ class SignalWindow:
         by halves
         """
         shape = self._at_channels @ state.vector
-        signals = (state.system.accelerance(self._lines) * action) @ shape.T
+        signals = self._prewhitened((state.system.accelerance(self._lines) * action) @ shape.T)
         own = [(signals.conj() * self._whitened(half, signals)).sum(1).real for half in range(len(self._fades))]
         return (signals.conj() * self._target).sum(1), np.sqrt(np.maximum(own, 0.0))
 
@@ -270,6 +292,10 @@ class SignalWindow:
     def _parts(self) -> list[IndexArray]:
         """Return the lines in parts whose matrices are in memory at once."""
         return np.array_split(np.arange(len(self._lines)), 1 + len(self._lines) // _AT_ONCE)
+
+    def _prewhitened(self, spectrum: ComplexArray) -> ComplexArray:
+        """Return a spectrum (n_lines, n_channels) that is whitened by the model."""
+        return np.asarray((self._root @ spectrum[:, :, None])[:, :, 0])
 
     def _whitened(self, half: int, spectrum: ComplexArray) -> ComplexArray:
         """Return the product (n_lines, n_channels) of a spectrum with the inverse spectral matrix of the other half."""
@@ -445,8 +471,11 @@ class ActionTest:
         scatter = float(((along - self._size * weight) ** 2).sum()) * BLOCKS / (BLOCKS - 1)
         self.spread = scatter / float(weight.sum())  #: variance of the product over the expected one
         self._variance = scatter / float(weight.sum()) ** 2
-        #: of the place and of a nonlinear part that opens at no moment
-        self.log_density = self.prior + 0.5 * self._size**2 / self._variance
+        self.explained = 0.5 * float(along.sum()) * self._size  #: log likelihood ratio to none, for noise of power 1
+
+    def log_density(self, noise: float) -> float:
+        """Return that of the place, and of a nonlinear part at the usual threshold, for a power of the noise."""
+        return self.prior + self.explained / noise
 
     def against(self, usual: "ActionTest | None") -> tuple[float, float, float]:
         """Return the size without a loss, its variance, and the p value of as large a difference from it."""
@@ -520,9 +549,8 @@ class ActionTest:
         if self.symmetric and side < 0:
             part, open_time = 1 - part, 1 - open_time
         scale = part * self.action.relief
-        gain, own = 0.5 * along**2 / (self.spread * weight), self.spread / weight
-        share, variance = side * scale * (along / weight - bias), scale**2 * (own + of_bias)
-        return ShareFit(gain, scale * float(np.sqrt(own)), share, variance, open_time, part)
+        share, variance = side * scale * (along / weight - bias), scale**2 * (self.spread / weight + of_bias)
+        return ShareFit(0.5 * along**2 / weight, scale / float(np.sqrt(weight)), share, variance, open_time, part)
 
     def open_time_slope(self, open_time: float, side: float) -> float:
         """Return how fast the share of the time in which it is open changes with the threshold [-]."""

@@ -48,22 +48,22 @@ def _kind(seed: int) -> str:
 def _drawn(kind: str, seed: int) -> tuple[Portal, Crack, Force]:
     random = np.random.default_rng((seed, 35))
     if kind in _TWO_SIDED:
-        return _drawn_two_sided(kind, random)
+        return _drawn_two_sided(kind, random, seed)
     opened = float(np.exp(random.uniform(np.log(0.012), np.log(0.05)))) * (_LOOSE if kind == _FOOT else 1.0)
     closed = {"closes by half": opened / 2, "stays open": opened, _FOOT: opened}.get(kind, WHOLE)
     threshold = random.uniform(-0.5, 0.5) if kind == "loaded" else 0.0
     portal = _PORTALS[random.integers(len(_PORTALS))]
     place = 0.0 if kind == _FOOT else int(random.integers(5, 28)) / 32
-    return portal, Crack(place, opened, closed, threshold), random.choice(_FORCES)
+    return portal, Crack(place, opened, closed, threshold, points=seed), random.choice(_FORCES)
 
 
-def _drawn_two_sided(kind: str, random: np.random.Generator) -> tuple[Portal, Crack, Force]:
+def _drawn_two_sided(kind: str, random: np.random.Generator, points: int) -> tuple[Portal, Crack, Force]:
     """Return play, or a connection that gapes under both signs: half of them in the left foot, half in its post."""
     opens, moments = _TWO_SIDED[kind]
     place = random.choice([0, int(random.integers(5, 28))]) / 32
     opened = float(np.exp(random.uniform(np.log(0.012), np.log(0.05)))) * (1.0 if place else _LOOSE)
     portal = _PORTALS[random.integers(len(_PORTALS))]
-    return portal, Crack(place, opened, WHOLE, random.uniform(*moments), opens), random.choice(_GUSTY)
+    return portal, Crack(place, opened, WHOLE, random.uniform(*moments), opens, points), random.choice(_GUSTY)
 
 
 def _power(portal: Portal, crack: Crack, open_time: float, before: Observation, after: Observation) -> float:

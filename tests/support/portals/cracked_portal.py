@@ -43,11 +43,12 @@ class Crack:
     #: rotation at which it opens above, over its own rms about zero; moment on both sides, over that of the mean spring
     threshold: float = 0.0
     opens: Opens = "above"
+    points: int = 5  #: seed of the points of the forces
 
     @property
     def healthy(self) -> "Crack":
         """Return the place before the change."""
-        return Crack(self.place, WHOLE, WHOLE)
+        return Crack(self.place, WHOLE, WHOLE, points=self.points)
 
     def share(self, open_time: float) -> float:
         """Return the share of the mean added flexibility that is absent while it is closed."""
@@ -75,7 +76,7 @@ class CrackedPortal:
         self.turn = [mean * (1 + dk * rest) / (mean + dk) for dk in change]
         self.at_sensors = shape[portal.rows(point)]
         everywhere = shape[: 6 * len(point)].reshape(len(point), 6, -1)[:, :3]
-        places = np.random.default_rng(5).choice(np.arange(4, len(point) - 4), 8, replace=False)
+        places = np.random.default_rng(crack.points).choice(np.arange(4, len(point) - 4), 8, replace=False)
         self.at_forces = everywhere[places, np.arange(8) % 3]
         self.jump = self.jump @ shape
 

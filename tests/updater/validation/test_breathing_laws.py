@@ -13,15 +13,15 @@ from updater.validation.nonlinear_part import ActionTest, ShareFit
 
 
 class KnownTest(ActionTest):
-    """Test with a known likelihood: log ratio, share and deviation are the same at all thresholds."""
+    """Test with a known likelihood: what it explains, share and deviation are the same at all thresholds."""
 
     def __init__(
-        self, size: float, log_ratio: float, *, share: float = 0.9, width: float = 0.1, spread: float = 1.0
+        self, size: float, explained: float, *, share: float = 0.9, width: float = 0.1, spread: float = 1.0
     ) -> None:
-        self.symmetric, self.prior, self.spread, self.log_density = True, 0.0, spread, log_ratio
+        self.symmetric, self.prior, self.spread, self.explained = True, 0.0, spread, explained
         self.action: Any = SimpleNamespace(relief=1.0)
         self._size, self._unknown = size, 0.1
-        self._fitted = ShareFit(log_ratio, width, share, width**2, 0.7, 0.7)
+        self._fitted = ShareFit(explained, width, share, spread * width**2, 0.7, 0.7)
 
     def fitted(self, *_: float) -> ShareFit:
         """Return the known likelihood."""
@@ -49,11 +49,20 @@ def test_evidence_of_a_law_is_the_integral_over_the_share(noise: float) -> None:
     found = posterior(sharp, noise=noise).log_evidence - posterior(flat, noise=noise).log_evidence
 
     def likelihood(test: KnownTest, share: float) -> float:
-        fitted, more = test.fitted(), noise / test.spread
-        return float(np.exp((fitted.log_ratio - 0.5 * ((share - fitted.share) / fitted.width) ** 2) / more))
+        fitted = test.fitted()
+        return float(np.exp((fitted.explained - 0.5 * ((share - fitted.share) / fitted.width) ** 2) / noise))
 
     parts = [integrate.quad(lambda s, t=test: likelihood(t, s), 0, 1, points=[0.5])[0] for test in (sharp, flat)]
     assert found == pytest.approx(np.log(parts[0] / parts[1]), abs=1e-2)
+
+
+def test_place_that_explains_more_determines_the_share_though_its_noise_is_larger() -> None:
+    """The noise is alike at all places: their scatter, of sixteen blocks, does not weight them."""
+    true, other = KnownTest(1.0, 30.0, share=0.8, width=0.02, spread=1.2), KnownTest(1.0, 26.0, share=0.4, width=0.02)
+    share = posterior(true, other, noise=1.2).breathing.share
+    weight = 1 / (1 + np.exp(-4 / 1.2))
+    expected = weight * 0.8 + (1 - weight) * 0.4
+    assert share.value == pytest.approx(expected, abs=0.01)
 
 
 def test_bound_of_the_share() -> None:
