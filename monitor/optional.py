@@ -1,7 +1,7 @@
 """Optional analyses whose failure must not suppress the alarm."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TypeVar
 
 from monitor.errors import MonitorError
@@ -33,6 +33,15 @@ class OptionalWork:
         except Exception as error:  # noqa: BLE001 - whatever it is, the alarm comes first
             self._failed.append(f"{what} has failed: {type(error).__name__}: {error}")
             return None
+
+    @property
+    def state(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Faults that were noted, in a fixed order, and failures since the last time."""
+        return tuple(sorted(self._noted)), tuple(self._failed)
+
+    def restore(self, noted: Iterable[str], failed: Iterable[str]) -> None:
+        """Continue from a state."""
+        self._noted, self._failed = set(noted), list(failed)
 
     def failed(self) -> list[str]:
         """Return the failures since the last time, as a text."""

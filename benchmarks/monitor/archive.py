@@ -1,11 +1,12 @@
 """Reanalysis of an archive: time and memory with one worker and with two, from the first byte and with kept steps.
 
 The logs are the recorded log of the repository up to the change, once per log and later each time. One log amid those
-of a site is the whole one, with the mass.
+of a site is the whole one, with the mass. The second archive has them as the files of one run, in pieces of 10 MB.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/monitor/archive.py [LOGS [RUNS]], or make bench-archive
 """
 
+import math
 import os
 import resource
 import shutil
@@ -16,16 +17,20 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import pandas as pd
 import psutil
 
 from daq import Block, Item, McapWriter, read_attachments, read_log
+from daq.log import RotatingWriter, Rotation
+from monitor.results.service_events import Stopped
 
 RECORDED = Path(__file__).parents[2] / "replay_data" / "t_frame_added_mass.mcap"
 _UNTIL_CHANGE, _APART = 160 * 10**9, 240 * 10**9  # ns: scans of a log, from one log to the next
-COMMAND = [sys.executable, "-c", "from monitor.cli.main import main; main()", "reanalyse"]
+_PIECES = "from monitor.archive import catalog; catalog.PIECE_BYTES = 10 << 20"  # some files of a few minutes
+COMMAND = [sys.executable, "-c", f"{_PIECES}; from monitor.cli.main import main; main()", "reanalyse"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,9 +45,7 @@ class Run:
 
 def write_archive(folder: Path, n_sites: int, n_logs: int) -> None:
     """Write the logs of each site."""
-    attached, items = read_attachments(RECORDED), list(read_log(RECORDED))
-    start = min(item.arrival_time for item in items if isinstance(item, Block))
-    before = [item for item in items if _time(item) < start + _UNTIL_CHANGE]
+    attached = read_attachments(RECORDED)
     name = 'name = "T-shaped steel frame"'
     assert name in attached["structure.toml"]
     for site in range(n_sites):
@@ -51,9 +54,41 @@ def write_archive(folder: Path, n_sites: int, n_logs: int) -> None:
             path = folder / f"frame{site}" / f"log{k:03d}.mcap"
             path.parent.mkdir(parents=True, exist_ok=True)
             writer = McapWriter(path, own)
-            for item in items if k == n_logs // 2 else before:
-                writer.write(_later(item, k * _APART))
+            for item in _items(k, n_logs):
+                writer.write(item)
             writer.close()
+
+
+def write_run(folder: Path, n_files: int) -> None:
+    """Write the logs of one site as one run; its indices continue."""
+    folder.mkdir()
+    writer = RotatingWriter(folder, read_attachments(RECORDED), 0, Rotation(size=1))
+    for k in range(n_files):
+        for item in _items(k, n_files):
+            scans = round(k * _APART * 1e-9 * item.rate) if isinstance(item, Block) else 0
+            writer.write(_with_index(item, scans))
+        writer.flush()
+    writer.close()
+
+
+def _items(k: int, n_logs: int) -> list[Item]:
+    """Return the content of a log."""
+    items = _recorded()
+    start = min(item.arrival_time for item in items if isinstance(item, Block))
+    until = math.inf if k == n_logs // 2 else start + _UNTIL_CHANGE
+    return [_later(item, k * _APART) for item in items if _time(item) < until]
+
+
+@cache
+def _recorded() -> list[Item]:
+    """Return the recorded log without its end, which would end a run."""
+    return [item for item in read_log(RECORDED) if isinstance(item, Block) or item.topic != Stopped.topic]
+
+
+def _with_index(item: Item, later: int) -> Item:
+    if isinstance(item, Block):
+        return replace(item, first_index=item.first_index + later, arrival_index=item.arrival_index + later)
+    return item
 
 
 def _time(item: Item) -> int:
@@ -103,14 +138,18 @@ def main() -> None:
     print("|:--|:--|---:|---:|---:|---:|---:|---:|", flush=True)
     for n_sites in (4, 1):
         with tempfile.TemporaryDirectory() as folder:
-            measure(Path(folder), n_sites, n_logs // n_sites, n_runs)
+            logs, n_each = Path(folder) / "logs", n_logs // n_sites
+            if n_sites > 1:
+                write_archive(logs, n_sites, n_each)
+            else:
+                write_run(logs, n_each)
+            measure(Path(folder), f"{n_sites} x {n_each} logs" if n_sites > 1 else f"1 run of {n_each} files", n_runs)
     print(f"\n{n_runs} runs of each; load at the end: {', '.join(f'{load:.1f}' for load in os.getloadavg())}")
 
 
-def measure(folder: Path, n_sites: int, n_logs: int, n_runs: int) -> None:
+def measure(folder: Path, name: str, n_runs: int) -> None:
     """Print the rows of one archive; runs of both kinds alternate, so that other load disturbs both."""
     logs, out = folder / "logs", folder / "out"
-    write_archive(logs, n_sites, n_logs)
     runs: dict[str, list[Run]] = {}
     for _ in range(n_runs):
         for text, workers, fresh in (
@@ -127,7 +166,7 @@ def measure(folder: Path, n_sites: int, n_logs: int, n_runs: int) -> None:
         best = min(found, key=lambda one: one.seconds)
         times = ", ".join(f"{one.seconds:.0f}" for one in found)
         cpu, busiest = min(one.cpu for one in found), min(one.busiest for one in found)
-        archive = f"{n_sites} x {n_logs} logs, {seconds / 3600:.1f} h"
+        archive = f"{name}, {seconds / 3600:.1f} h"
         print(
             f"| {archive} | {text} | {best.seconds:.1f} s | {times} s | {cpu:.0f} s |"
             f" {busiest:.0f} s | {seconds / best.seconds:.0f} | {max(one.memory for one in found):.0f} MB |"

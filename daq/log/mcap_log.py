@@ -258,7 +258,7 @@ def read_log(log: AnyLog, axes: AxesOfDevices | None = None, *, others: bool = F
     log : its path, all files of a run, or an excerpt
     axes : device -> axes that are used, which is faster: blocks of other devices are left out, counts of other axes
         are 0, axes behind the last used one are missing. Default: all
-    others : blocks of other devices are yielded too, their counts 0
+    others : blocks of other devices are yielded too, all their counts 0
 
     Raises
     ------

@@ -16,6 +16,7 @@ from daq.types import Block, BoolArray, Channel, Event, Flag, FloatArray, IndexA
 _LITTLE = 0.1  # of a window: where all devices are silent for longer, it is a pause between records
 _PIECE = 1 << 16  # samples at a time, which bounds the memory
 _SETTLE_SECONDS = 2.0  # s of arrivals before a clock is used; by then it errs by far less
+_CLOCK_SHIFT_SECONDS = 120.0  # s before a window from which its scans may come when the fit of a clock changes
 _PAUSE_SCANS = 64  # before the scan that ends a pause: more than the kernel reaches
 
 NO_DELAYS: Mapping[str, float] = MappingProxyType({})  #: device -> delay [s]
@@ -62,6 +63,20 @@ class _Stretch:
         out[:, written - first :] = np.nan
         return out
 
+    def has(self, first: int, last: int, axis: int) -> bool:
+        """Return whether it holds all scans first .. last - 1 of an axis."""
+        for run in self.runs:
+            if run.first <= first < run.end and axis < run.n_axes:
+                first = run.end
+        return first >= last
+
+    def covers(self, start: int, n: int, rate: float, ratio: float | None, axis: int) -> bool:
+        """Return whether `resample` would write all samples of an axis."""
+        first, scan_rate = self.index_at(start)
+        if ratio is None:
+            return self.has(round(first), round(first) + n, axis)
+        return self.has(*_needed(first, scan_rate / rate, half_taps(ratio), slice(0, n)), axis)
+
     def resample(self, start: int, rate: float, ratio: float | None, axes: IndexArray, out: FloatArray) -> bool:
         """Write scans on a grid (n_axes, n); return False if there is none near it. Without a ratio they lie on it."""
         (first, scan_rate), n = self.index_at(start), out.shape[1]
@@ -71,20 +86,20 @@ class _Stretch:
                 self.scans(round(first) + piece.start, round(first) + piece.stop, axes, out[:, piece])
             return True
         step, half = scan_rate / rate, half_taps(ratio)
-
-        def needed(piece: slice) -> tuple[int, int]:
-            """Return the first scan of a piece of the grid, and the one after its last."""
-            return math.floor(first + piece.start * step) - half, int(first + (piece.stop - 1) * step) + half + 2
-
-        low, high = needed(slice(0, n))
+        low, high = _needed(first, step, half, slice(0, n))
         if not any(run.first < high and run.end > low for run in self.runs):
             return False
         for piece in pieces:
-            low, high = needed(piece)
+            low, high = _needed(first, step, half, piece)
             scans = self.scans(low, high, axes).T
             at = first + piece.start * step - low
             interpolate(scans, at, step, piece.stop - piece.start, ratio, out[:, piece].T)
         return True
+
+
+def _needed(first: float, step: float, half: int, piece: slice) -> tuple[int, int]:
+    """Return the first scan that a piece of the grid needs, and the one after its last."""
+    return math.floor(first + piece.start * step) - half, int(first + (piece.stop - 1) * step) + half + 2
 
 
 class _Device:
@@ -151,7 +166,7 @@ class _Device:
 
     @property
     def temperatures(self) -> list[float]:
-        return [value for stretch in self._stretches for run in stretch.runs for value in run.temperatures]
+        return [value for run in self.runs for value in run.temperatures]
 
     def reaches(self, time: int) -> bool:
         """Return whether all scans needed for samples before `time` are available."""
@@ -183,6 +198,26 @@ class _Device:
             stretch.forget(stretch.index_at(time)[0] - 2 * self._half)
         while len(self._stretches) > 1 and self._stretches[1].time_at(self._stretches[1].runs[0].first) < time:
             self._stretches.popleft()
+
+    def n_after(self, time: int | None) -> int:
+        """Return the number of blocks, the last ones, that are used after a time [ns UTC]; None: all that are held."""
+        if time is None:
+            return sum(map(len, self.runs))
+        n = 0
+        for stretch in self._stretches:
+            index = stretch.index_at(time)[0] - 2 * self._half
+            n += sum(run.n_after(index) for run in stretch.runs)
+        return n
+
+    @property
+    def runs(self) -> Iterator[ScanRun]:
+        """Runs of all its stretches."""
+        return (run for stretch in self._stretches for run in stretch.runs)
+
+    def covers(self, start: int, n: int) -> bool:
+        """Return whether its scans reach over the whole of a window, without a gap."""
+        axis = int(self.axes[0])
+        return any(s.covers(start, n, self._grid_rate, self._ratio, axis) for s in self._stretches)
 
     def resample(self, start: int, out: FloatArray) -> None:
         """Write scans on the grid (n_axes, n), NaN where they are missing."""
@@ -245,17 +280,59 @@ class Assembler:
         ValueError
             If the device is not one of this site.
         """
-        if block.device not in self._devices:
-            raise ValueError(f"device: expected one of {', '.join(self._devices)}, found {block.device!r}")
-        self._devices[block.device].add(block)
+        self._add(block)
         return () if self._is_incomplete() else self._complete()
 
     def push_event(self, event: Event) -> Iterator[Recording]:
         """Take an event; a device that is lost no longer holds a window open."""
-        device = self._devices.get(event.payload.get("device", ""))
-        if event.topic == DeviceFailed.topic and device is not None:
-            device.lost = True
+        if self._loses(event):
             yield from self._complete()
+
+    def advance(self, item: Block | Event) -> None:
+        """Take a block or an event as `push` and `push_event`, without the recordings: counts may be 0 for this.
+
+        Windows, their borders and the clocks depend on which scans there are and when they arrived.
+        """
+        if isinstance(item, Block):
+            self._add(item)
+            completes = not self._is_incomplete()
+        else:
+            completes = self._loses(item)
+        if completes:
+            for _ in self._complete(make=False):
+                pass
+
+    def n_needed(self) -> dict[str, int]:
+        """Return how many blocks of each device, the last ones, the next windows can need."""
+        since = None if self._next is None else self._next - round(_CLOCK_SHIFT_SECONDS * 1e9)
+        return {name: device.n_after(since) for name, device in self._devices.items()}
+
+    def mark(self) -> None:
+        """Mark the blocks held now."""
+        for run in self._runs:
+            run.mark()
+
+    def refuse_marked(self) -> None:
+        """Refuse the counts of marked blocks, which were not read: a window with one raises `UnreadCountsError`."""
+        for run in self._runs:
+            run.refuse_marked()
+
+    @property
+    def _runs(self) -> Iterator[ScanRun]:
+        return (run for device in self._devices.values() for run in device.runs)
+
+    def _add(self, block: Block) -> None:
+        if block.device not in self._devices:
+            raise ValueError(f"device: expected one of {', '.join(self._devices)}, found {block.device!r}")
+        self._devices[block.device].add(block)
+
+    def _loses(self, event: Event) -> bool:
+        """Return whether an event reports the loss of a device, which then no longer holds a window open."""
+        device = self._devices.get(event.payload.get("device", ""))
+        if event.topic != DeviceFailed.topic or device is None:
+            return False
+        device.lost = True
+        return True
 
     def finish(self) -> Iterator[Recording]:
         """Yield the remaining windows at the end: incomplete for some devices, and a last, shorter one."""
@@ -277,7 +354,7 @@ class Assembler:
             return False
         return not last.reaches(self._next + self._window_ns)
 
-    def _complete(self) -> Iterator[Recording]:
+    def _complete(self, *, make: bool = True) -> Iterator[Recording]:
         if self._next is not None:
             end = self._next + self._window_ns
             self._last = next((d for d in self._devices.values() if not d.lost and not d.reaches(end)), None)
@@ -289,17 +366,20 @@ class Assembler:
         if self._next is None:
             self._next = self._first(alive)
         while all(d.reaches(self._next + self._window_ns) for d in alive):
-            yield from self._cut(self._next, self._n)
+            yield from self._cut(self._next, self._n, make=make)
 
     def _first(self, devices: list[_Device]) -> int:
         """Return where the first window starts: where all devices are there; on a common grid, where one is."""
         return (min if self._on_grid else max)(device.first_time for device in devices)
 
-    def _cut(self, start: int, n: int) -> Iterator[Recording]:
-        """Yield a window of `n` samples, if there is one, and advance to the next."""
-        data, there = self._resampled(start, n)
+    def _cut(self, start: int, n: int, *, make: bool = True) -> Iterator[Recording]:
+        """Yield a window of `n` samples, if there is one and it is to be made, and advance to the next."""
+        if make or not any(device.covers(start, n) for device in self._devices.values()):
+            data, there = self._resampled(start, n)
+        else:
+            data, there = np.empty((0, len(self._channels))), np.ones(n, np.bool_)
         unused = _unused(there) if self._by_record else n * (not there.any())
-        recording = None if unused else self._recording(start, data)
+        recording = self._recording(start, data) if make and not unused else None
         del data
         if there.any():
             self._next = start + (round(unused / self._rate * 1e9) if 0 < unused < n else self._step)

@@ -5,6 +5,7 @@ devices' own thermometers replace it, corrected for their earlier difference.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -49,6 +50,15 @@ class SiteTemperature:
         self._stale = round(stale_minutes * 60e9)
         self._readings: list[tuple[int, float]] = []  # time [ns UTC] and temperature [degC]
         self.offset = offset  #: its difference from the devices' mean, averaged over the last windows [K]
+
+    @property
+    def readings(self) -> tuple[tuple[int, float], ...]:
+        """Times [ns UTC] and temperatures [degC] that a window may still use."""
+        return tuple(self._readings)
+
+    def restore(self, readings: Sequence[tuple[int, float]]) -> None:
+        """Continue with readings of before."""
+        self._readings = list(readings)
 
     def take(self, event: Event) -> None:
         """Process an item of the log."""

@@ -1,6 +1,7 @@
 """Analysis of archives: many logs of many sites, in parallel, with present settings."""
 
 from monitor.archive.catalog import ArchiveLog as ArchiveLog
+from monitor.archive.catalog import LogPiece as LogPiece
 from monitor.archive.catalog import find_logs as find_logs
 from monitor.archive.log_texts import LogTexts as LogTexts
 from monitor.archive.log_texts import steps_key as steps_key

@@ -10,9 +10,10 @@ from typing import IO, Any, cast
 
 from daq import AnyLog
 from daq.errors import reading
-from daq.log import as_logs, files_of
+from daq.log import PartedLog, as_logs, files_of
 from monitor.errors import ArgumentError
 
+PIECE_BYTES = 512 << 20  #: size of files from which on a piece of a run takes no more
 _FIRST, _LARGEST = 1 << 16, 8 << 20  # bytes of a range: each that follows on another has twice as many
 
 
@@ -121,23 +122,61 @@ def _version(entry: dict[str, Any]) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArchiveLog:
-    """Log of one run in an archive."""
+class LogPiece:
+    """Whole files of one run, one after the other, that are analysed as a unit."""
 
     log: AnyLog  #: its files: paths, or objects in place of them
     size: int  #: of all files [bytes]
-    key: str  #: hash of their content, or of the versions that object storage states
+    key: str  #: hash of their content, or of the versions that object storage states, and of all pieces before
 
     @property
     def name(self) -> str:
         """Name for users: that of the first file."""
-        return str(files_of(self.log)[0])
+        return str(self.files[0])
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Its files, in the order of writing."""
+        return files_of(self.log)
+
+    @property
+    def complete(self) -> bool:
+        """Return whether files that the run gets later belong to another piece."""
+        return self.size >= PIECE_BYTES
+
+
+@dataclass(frozen=True)
+class ArchiveLog:
+    """Log of one run in an archive."""
+
+    pieces: tuple[LogPiece, ...]  #: one or more, in the order of writing
+
+    @property
+    def name(self) -> str:
+        """Name for users: that of the first file."""
+        return self.pieces[0].name
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All files, in the order of writing."""
+        return tuple(path for piece in self.pieces for path in piece.files)
+
+    @property
+    def key(self) -> str:
+        """Hash of the content of all files."""
+        return self.pieces[-1].key
+
+    @property
+    def size(self) -> int:
+        """Size of all files [bytes]."""
+        return sum(piece.size for piece in self.pieces)
 
 
 def find_logs(archives: Sequence[str]) -> list[ArchiveLog]:
     """Return the logs of files, folders (with all folders in them) and URLs, sorted by name.
 
-    The files of one run are one log. Of copies the first is used.
+    The files of one run are one log. Of copies the first is used. A log is divided from its beginning on: pieces stay
+    as they are when the run continues, but for the last one.
 
     Raises
     ------
@@ -159,14 +198,32 @@ def find_logs(archives: Sequence[str]) -> list[ArchiveLog]:
 
 
 def _entry(log: AnyLog) -> ArchiveLog:
-    digest = hashlib.sha256()
-    size = 0
+    digests: set[bytes] = set()
+    pieces: list[LogPiece] = []
+    files: list[Path] = []
+    digest, size = hashlib.sha256(), 0
     for path in files_of(log):
-        if isinstance(path, StoredFile):
-            digest.update(f"{path.url}\n{path.size}\n{path.version}\n".encode())
-            size += path.size
-            continue
-        with reading(path, ArgumentError.of_file("ARCHIVE")), path.open("rb") as file:
-            digest.update(hashlib.file_digest(file, "sha256").digest())
-            size += file.tell()
-    return ArchiveLog(log=log, size=size, key=digest.hexdigest()[:32])
+        content, n_bytes = _content(path)
+        if content in digests:
+            continue  # a copy
+        if size >= PIECE_BYTES:
+            pieces.append(_piece(files, size, digest.hexdigest()))
+            digest, files, size = hashlib.sha256(pieces[-1].key.encode()), [], 0
+        digests.add(content)
+        digest.update(content)
+        files.append(path)
+        size += n_bytes
+    return ArchiveLog((*pieces, _piece(files, size, digest.hexdigest())))
+
+
+def _piece(files: Sequence[Path], size: int, digest: str) -> LogPiece:
+    log = PartedLog(tuple(files)) if len(files) > 1 else files[0]
+    return LogPiece(log=log, size=size, key=digest[:32])
+
+
+def _content(path: Path) -> tuple[bytes, int]:
+    """Return what identifies the content of a file, and its size [bytes]."""
+    if isinstance(path, StoredFile):
+        return f"{path.url}\n{path.size}\n{path.version}\n".encode(), path.size
+    with reading(path, ArgumentError.of_file("ARCHIVE")), path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").digest(), file.tell()

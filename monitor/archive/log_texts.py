@@ -7,7 +7,7 @@ from functools import lru_cache
 
 from daq import LogError, read_attachments
 from daq.log import log_start
-from monitor.archive.catalog import ArchiveLog
+from monitor.archive.catalog import ArchiveLog, LogPiece
 from monitor.errors import MonitorError
 from monitor.settings import attached_structure, has_settings, parse_attached
 from monitor.watch.memory import MEMORY, VERSION
@@ -27,7 +27,7 @@ class LogTexts:
 def texts_of(log: ArchiveLog, site: LogTexts | None) -> LogTexts | str:
     """Return what a log is analysed with, or the reason why it cannot be."""
     try:
-        attached, start = read_attachments(log.log), log_start(log.log) or 0
+        attached, start = read_attachments(log.files[0]), _start(log)
     except LogError as error:
         return str(error)
     memory = attached.get(MEMORY, "")
@@ -40,6 +40,11 @@ def texts_of(log: ArchiveLog, site: LogTexts | None) -> LogTexts | str:
     )
     problem = _problem(texts.site, texts.structure)
     return f"has settings that cannot be used: {problem}" if problem else texts
+
+
+def _start(log: ArchiveLog) -> int:
+    """Return the time of the first scan [ns UTC]; 0 if there is none."""
+    return next((time for path in log.files if (time := log_start(path)) is not None), 0)
 
 
 @lru_cache(maxsize=64)
@@ -67,9 +72,9 @@ def _site_name(site: str, structure: str) -> str:
     return f"{safe or 'unnamed'}-{hashlib.sha256(name.encode()).hexdigest()[:6]}" if name else "unnamed"  # of a folder
 
 
-def steps_key(log: ArchiveLog, texts: LogTexts) -> str:
-    """Return the hash that the steps of a log depend on: its content, the settings of its analysis, this program."""
-    depends = {"version": VERSION, "log": log.key, **_analysis(texts.site)}
+def steps_key(piece: LogPiece, texts: LogTexts) -> str:
+    """Return the hash that the steps of a piece depend on: its content, the settings of its analysis, this program."""
+    depends = {"version": VERSION, "log": piece.key, **_analysis(texts.site)}
     return hashlib.sha256(json.dumps(depends).encode()).hexdigest()[:32]
 
 

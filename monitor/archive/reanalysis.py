@@ -1,10 +1,18 @@
 """Reanalysis: logs identified in parallel, and evaluated per site in order of time, as tasks of Dask.
 
-Each log is two tasks. Its identification depends on the log alone; the steps that it returns (`steps`) are kept by the
-hash of the log's content and of the settings that they depend on: a repeated run identifies only what is new. Its
-evaluation (`evaluation`) continues from the state at the end of the log before it, as a monitor does after a restart.
-Evaluations go ahead of identifications: sites are evaluated in parallel, each while its next logs are identified. The
-state of a site is held here between two tasks: no worker has the only copy of anything.
+A log is a run of a monitor, of any number of files. It is divided into pieces of whole files, from its beginning on:
+when the run continues, only the last piece changes. Each piece is two tasks. Its identification depends on the log
+alone; the steps that it returns (`steps`) are kept by the hash of the content up to there and of the settings that they
+depend on: a repeated run identifies only what is new. Its evaluation (`evaluation`) continues in the middle of the log,
+or from the state at the end of the log before it, as a monitor does after a restart.
+
+A piece is identified from the state of the run where it begins (`run_state`). A third kind of task, the advance, finds
+it from the state at the piece before, in order but several times faster than an identification: so the pieces of one
+log are identified in parallel. The states behind the last complete pieces of a log are kept: a log that has grown is
+continued from there.
+
+Evaluations go ahead of advances, and these of identifications: sites are evaluated in parallel, each while its next
+pieces are identified. The state of a site is held here between two tasks: no worker has the only copy of anything.
 """
 
 import math
@@ -15,22 +23,23 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
-from daq import LogError, McapWriter
-from monitor.archive.catalog import ArchiveLog
+from daq import McapWriter
+from monitor.archive.catalog import ArchiveLog, LogPiece
 from monitor.archive.dataset import keep_parts, write_tables
-from monitor.archive.evaluation import EvaluatedLog, evaluate_task, unevaluated
+from monitor.archive.evaluation import EvaluatedLog, WatchState, unevaluated
 from monitor.archive.log_texts import LogTexts, site_name, steps_key
-from monitor.archive.steps import LogSteps, identify_log, no_steps, read_steps, write_steps
+from monitor.archive.run_state import PieceStart, read_start, write_start
+from monitor.archive.steps import LogSteps, no_steps, read_steps, write_steps
+from monitor.archive.tasks import Task, Tasks
 from monitor.errors import ArgumentError
 from monitor.outputs.history import HistoryStore
 from monitor.results.windows import AlarmResult, is_result
-from monitor.settings import parse_attached
 from monitor.watch.memory import MEMORY
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client
 
 
 RESULTS_LOG = "results.mcap"  #: of a site: events and results of all its logs, without signals
@@ -71,8 +80,8 @@ class SiteResults:
                 for event in batch:
                     self._writer.write(event)
                 history.write([event for event in batch if is_result(event)])
-        if found.memory:
-            (self._folder / MEMORY).write_text(found.memory, encoding="utf-8")
+        if found.state.memory:
+            (self._folder / MEMORY).write_text(found.state.memory, encoding="utf-8")
 
     def _begin(self, texts: LogTexts) -> McapWriter:
         self._folder.mkdir(parents=True, exist_ok=True)
@@ -83,14 +92,13 @@ class SiteResults:
 
 
 _NO_SITE = "unknown"  # in the tables, of logs that cannot be read
-_WAITING = 4  # tasks of each kind per worker that are submitted at a time
 
 
 @dataclass(frozen=True, kw_only=True)
 class AnalysedLog:
-    """Log after its reanalysis."""
+    """Log, or piece of one, after its reanalysis."""
 
-    log: ArchiveLog
+    log: LogPiece
     site: str
     n_windows: int
     seconds: float  #: of data
@@ -102,112 +110,53 @@ class AnalysedLog:
 OnLog = Callable[[AnalysedLog], None]
 
 
-def identify_task(log: ArchiveLog, site: str, limit: float) -> LogSteps:
-    """Identify one log, in a worker, within a time [s]; what is wrong with the log is part of the result."""
-    try:
-        return identify_log(log.log, parse_attached(site), limit)
-    except LogError as error:
-        return no_steps(str(error))
-
-
 @dataclass(eq=False, kw_only=True)
-class _Log:
-    """Log that waits for its evaluation."""
+class _Piece:
+    """Piece of a log that waits for its evaluation."""
 
-    log: ArchiveLog
-    texts: LogTexts
+    piece: LogPiece
+    log: "_Log"
     key: str  # of its steps
-    site: "_Site"
+    start: PieceStart | None = None  # if it is to be identified from there
     identified: bool = False
     kept: bool = False  # whether an earlier run has identified it
     steps: LogSteps | None = None  # if they are not in the folder
 
 
 @dataclass(eq=False, kw_only=True)
+class _Log:
+    """Log with the beginning of its next piece that is known."""
+
+    texts: LogTexts
+    site: "_Site"
+    pieces: list[_Piece] = field(default_factory=list)
+    start: PieceStart = field(default_factory=PieceStart)
+    next: int = 0  # piece that begins there
+    end: int = 0  # last piece of which the beginning is needed
+    evaluated: bool = False  # whether a piece has been evaluated
+
+    @property
+    def n_complete(self) -> int:
+        """Number of pieces that stay as they are when the run continues; a log of one piece is read anew."""
+        return sum(each.piece.complete for each in self.pieces) if len(self.pieces) > 1 else 0
+
+    @property
+    def lead(self) -> tuple[Path, ...]:
+        """Files before the next piece that its identification begins with."""
+        files = [path for each in self.pieces[: self.next] for path in each.piece.files]
+        return tuple(files[len(files) - self.start.n_files :])
+
+
+@dataclass(eq=False, kw_only=True)
 class _Site:
-    """Site with the state at the end of its last evaluated log."""
+    """Site with the state at the end of its last evaluated piece."""
 
     name: str
     results: SiteResults
-    waiting: deque[_Log] = field(default_factory=deque)  # in order of time
-    memory: str = ""
-    worker: str | None = None  # that has evaluated its last log
+    waiting: deque[_Piece] = field(default_factory=deque)  # in order of time
+    state: WatchState = field(default_factory=WatchState)
+    worker: str | None = None  # that has evaluated its last piece
     evaluating: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Task:
-    """Task on the cluster."""
-
-    then: Callable[[Any], None]  # called with its result
-    failed: Callable[[str], object]  # makes a result from the reason of a failure
-
-
-class _Tasks:
-    """Tasks on the cluster, of two kinds: few of each are submitted at a time, evaluations go ahead."""
-
-    def __init__(self, client: "Client") -> None:
-        from distributed import as_completed
-
-        self._client, self._ready = client, as_completed()
-        self._scheduler = client.scheduler_info()["address"]
-        self._most = _WAITING * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
-        self._identifying: dict[Future[Any], _Task] = {}
-        self._evaluating: dict[Future[Any], _Task] = {}
-
-    @property
-    def can_identify(self) -> bool:
-        """True if one more identification may be submitted."""
-        return len(self._identifying) < self._most and self.can_evaluate
-
-    @property
-    def can_evaluate(self) -> bool:
-        """True if one more evaluation may be submitted."""
-        return len(self._evaluating) < self._most
-
-    def identify(self, task: _Task, log: ArchiveLog, site: str, limit: float) -> None:
-        """Submit an identification."""
-        future = self._client.submit(identify_task, log, site, limit, pure=False)
-        self._identifying[future] = task
-        self._ready.add(future)
-
-    def evaluate(
-        self, task: _Task, worker: str | None, log: ArchiveLog, texts: LogTexts, memory: str, steps: LogSteps
-    ) -> None:
-        """Submit an evaluation, for a worker with the pipeline of the site or, if that one is busy, another one."""
-        where: dict[str, Any] = {"workers": [worker], "allow_other_workers": True} if worker else {}
-        future = self._client.submit(evaluate_task, log, texts, memory, steps, pure=False, priority=1, **where)
-        self._evaluating[future] = task
-        self._ready.add(future)
-
-    def take_next(self) -> bool:
-        """Wait for a task and hand its result on; return False if there is none.
-
-        Raises
-        ------
-        ArgumentError
-            If the scheduler is lost.
-        """
-        from distributed.client import FutureCancelledError
-
-        if not (self._identifying or self._evaluating):
-            return False
-        future = next(self._ready)
-        task = (self._identifying if future in self._identifying else self._evaluating).pop(future)
-        try:
-            result = future.result()
-        except FutureCancelledError as error:  # no task is cancelled before the end
-            lost = f"{self._scheduler}: the connection was lost: repeat the command"
-            raise ArgumentError("--scheduler", lost) from error
-        except Exception as error:  # noqa: BLE001 - a log that ends its workers, or fails otherwise, stops no other one
-            result = task.failed(f"{type(error).__name__}: {error}")
-        task.then(result)
-        return True
-
-    def cancel(self) -> None:
-        """Give up what is not finished."""
-        if self._client.status == "running":
-            self._client.cancel([*self._identifying, *self._evaluating])
 
 
 class _Run:
@@ -217,84 +166,146 @@ class _Run:
     ----------
     tasks : on the cluster
     out : folder of the results
-    on_log : called with each log once it is evaluated
-    limit : on the time for the identification of one log [s]
+    on_log : called with each piece once it is evaluated
+    limit : on the time for the identification of one piece [s]
     """
 
-    def __init__(self, tasks: _Tasks, out: Path, on_log: OnLog, limit: float) -> None:
+    def __init__(self, tasks: Tasks, out: Path, on_log: OnLog, limit: float) -> None:
         self._tasks, self._out, self._on_log, self._limit = tasks, out, on_log, limit
-        self._unidentified: deque[_Log] = deque()
-        self._evaluable: deque[_Site] = deque()  # whose next log is identified
+        self._unopened: deque[_Log] = deque()
+        self._advancing: deque[_Log] = deque()  # with pieces behind the next one, of which the beginning is needed
+        self._unidentified: deque[tuple[_Piece, tuple[Path, ...]]] = deque()  # with a known beginning, and files before
+        self._evaluable: deque[_Site] = deque()  # whose next piece is identified
 
     def add(self, log: ArchiveLog, texts: LogTexts, site: _Site) -> None:
         """Add the next log of a site."""
-        added = _Log(log=log, texts=texts, key=steps_key(log, texts), site=site)
-        site.waiting.append(added)
-        self._unidentified.append(added)
+        added = _Log(texts=texts, site=site)
+        added.pieces += [_Piece(piece=piece, log=added, key=steps_key(piece, texts)) for piece in log.pieces]
+        site.waiting += added.pieces
+        self._unopened.append(added)
 
     def run(self) -> None:
         """Analyse all logs."""
         while True:
             if self._evaluable and self._tasks.can_evaluate:
                 self._evaluate(self._evaluable.popleft())
+            elif self._advancing and self._tasks.can_advance and len(self._unidentified) < self._tasks.most:
+                self._advance(self._advancing.popleft())
             elif self._unidentified and self._tasks.can_identify:
-                self._identify(self._unidentified.popleft())
+                self._identify(*self._unidentified.popleft())
+            elif self._unopened and self._tasks.can_identify:
+                self._open(self._unopened.popleft())
             elif not self._tasks.take_next():
                 return
 
-    def _path(self, log: _Log) -> Path:
-        return self._out / "steps" / log.key
+    def _steps_path(self, piece: _Piece) -> Path:
+        return self._out / "steps" / piece.key
 
-    def _identify(self, log: _Log) -> None:
-        log.kept = read_steps(self._path(log)) is not None
-        if log.kept:
-            self._identified(log)
-        else:
-            task = _Task(then=partial(self._keep, log), failed=no_steps)
-            self._tasks.identify(task, log.log, log.texts.site, self._limit)
+    def _start_path(self, piece: _Piece) -> Path:
+        """Return the path of the state behind a piece."""
+        return self._out / "states" / piece.key
 
-    def _keep(self, log: _Log, steps: LogSteps) -> None:
+    def _open(self, log: _Log) -> None:
+        """Find the pieces that are to be identified, and the last known state before them."""
+        missing = []
+        for k, piece in enumerate(log.pieces):
+            piece.kept = read_steps(self._steps_path(piece)) is not None
+            if piece.kept:
+                self._identified(piece)
+            else:
+                missing.append(k)
+        if not missing:
+            return
+        log.end = max(missing[-1], log.n_complete)
+        for k in range(missing[0], 0, -1):
+            start = read_start(self._start_path(log.pieces[k - 1]))
+            if start:
+                log.start, log.next = start, k
+                break
+        self._begin_next(log)
+
+    def _begin_next(self, log: _Log) -> None:
+        """Have the next piece of a log identified, if it is to be, and those behind it found."""
+        if log.next < len(log.pieces) and not log.pieces[log.next].kept:
+            piece = log.pieces[log.next]
+            piece.start = log.start
+            self._unidentified.append((piece, log.lead))
+        if log.next < log.end:
+            self._advancing.append(log)
+
+    def _advance(self, log: _Log) -> None:
+        task = Task(then=partial(self._advanced, log), failed=str)
+        self._tasks.advance(task, log.pieces[log.next].piece, log.texts.site, log.start)
+
+    def _advanced(self, log: _Log, start: PieceStart | str) -> None:
+        log.next += 1
+        if isinstance(start, str):
+            for piece in log.pieces[log.next :]:
+                if not piece.kept:
+                    piece.steps = no_steps(f"{piece.piece.name}: is left out: the run before it: {start}")
+                    self._identified(piece)
+            return
+        log.start = start
+        if log.n_complete - 1 <= log.next <= log.n_complete:
+            self._keep_start(log)
+        self._begin_next(log)
+
+    def _keep_start(self, log: _Log) -> None:
+        """Keep the states behind the last two complete pieces: a file at the end of the last one may still grow."""
+        with _writing(self._out):
+            write_start(self._start_path(log.pieces[log.next - 1]), log.start)
+            for piece in log.pieces[: log.n_complete - 2]:
+                self._start_path(piece).unlink(missing_ok=True)
+
+    def _identify(self, piece: _Piece, lead: tuple[Path, ...]) -> None:
+        start, piece.start = piece.start or PieceStart(), None
+        task = Task(then=partial(self._keep, piece), failed=no_steps)
+        self._tasks.identify(task, piece.piece, piece.log.texts.site, self._limit, start, lead)
+
+    def _keep(self, piece: _Piece, steps: LogSteps) -> None:
         if steps.retry:
-            log.steps = steps
+            piece.steps = steps
         else:
             with _writing(self._out):
-                write_steps(self._path(log), steps)
-        self._identified(log)
+                write_steps(self._steps_path(piece), steps)
+        self._identified(piece)
 
-    def _identified(self, log: _Log) -> None:
-        log.identified = True
-        self._continue(log.site)
+    def _identified(self, piece: _Piece) -> None:
+        piece.identified = True
+        self._continue(piece.log.site)
 
     def _continue(self, site: _Site) -> None:
-        """Have the next log of a site evaluated if it is identified, and the one before is evaluated."""
+        """Have the next piece of a site evaluated if it is identified, and the one before is evaluated."""
         if site.waiting and site.waiting[0].identified and not site.evaluating:
             site.evaluating = True
             self._evaluable.append(site)
 
     def _evaluate(self, site: _Site) -> None:
-        log = site.waiting.popleft()
-        steps = log.steps or read_steps(self._path(log)) or no_steps(f"{self._path(log)}: cannot be read again")
-        memory = site.memory or log.texts.memory
-        task = _Task(then=partial(self._store, log, steps), failed=partial(unevaluated, log.log, memory, steps))
-        self._tasks.evaluate(task, site.worker, log.log, log.texts, memory, steps)
+        piece = site.waiting.popleft()
+        path, log = self._steps_path(piece), piece.log
+        steps = piece.steps or read_steps(path) or no_steps(f"{path}: cannot be read again")
+        state = site.state if site.state.memory else WatchState(memory=log.texts.memory)
+        task = Task(then=partial(self._store, piece, steps), failed=partial(unevaluated, piece.piece, state, steps))
+        self._tasks.evaluate(task, site.worker, piece.piece, log.texts, state, steps, continued=log.evaluated)
 
-    def _store(self, log: _Log, steps: LogSteps, found: EvaluatedLog) -> None:
-        site = log.site
-        site.memory, site.worker, site.evaluating = found.memory, found.worker, False
+    def _store(self, piece: _Piece, steps: LogSteps, found: EvaluatedLog) -> None:
+        log, site = piece.log, piece.log.site
+        site.state, site.worker, site.evaluating = found.state, found.worker, False
+        log.evaluated |= not found.problem
         self._continue(site)
         with _writing(self._out):
-            write_tables(self._out, site.name, log.log.key, found.tables)
+            write_tables(self._out, site.name, piece.piece.key, found.tables)
             site.results.add(log.texts, found)
             if not site.waiting:
                 site.results.close()  # of a fleet, not all are open at a time
         self._on_log(
             AnalysedLog(
-                log=log.log,
+                log=piece.piece,
                 site=site.name,
                 n_windows=steps.n_windows,
                 seconds=steps.seconds,
                 problem=found.problem or steps.problem,
-                kept=log.kept,
+                kept=piece.kept,
                 alarms=found.alarms,
             )
         )
@@ -324,9 +335,10 @@ def reanalyse(
     ----------
     client : of Dask
     logs : with their texts, or the reasons why they cannot be analysed
-    out : folder of the results: tables as Parquet, `steps`, and per site a log of results, a history, a saved state
-    on_log : called with each log once it is evaluated
-    limit : on the time for the identification of one log [s]; a repeated run begins such a log anew
+    out : folder of the results: tables as Parquet, `steps`, `states`, and per site a log of results, a history, a saved
+        state
+    on_log : called with each log, or piece of one, once it is evaluated
+    limit : on the time for the identification of one piece [s]; a repeated run begins such a piece anew
 
     Raises
     ------
@@ -334,17 +346,18 @@ def reanalyse(
         If the results cannot be written, or the scheduler is lost. A repeated run continues.
     """
     try:
-        (out / "steps").mkdir(parents=True, exist_ok=True)
+        for name in ("steps", "states"):
+            (out / name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ArgumentError("--out", f"{out}: cannot be written: {error}") from error
-    for log, why in ((log, texts) for log, texts in logs if isinstance(texts, str)):
+    for piece, why in ((piece, texts) for log, texts in logs if isinstance(texts, str) for piece in log.pieces):
         with _writing(out):
-            write_tables(out, _NO_SITE, log.key, unevaluated(log, "", no_steps(why), why).tables)
-        on_log(AnalysedLog(log=log, site=_NO_SITE, n_windows=0, seconds=0.0, problem=why, kept=False))
+            write_tables(out, _NO_SITE, piece.key, unevaluated(piece, WatchState(), no_steps(why), why).tables)
+        on_log(AnalysedLog(log=piece, site=_NO_SITE, n_windows=0, seconds=0.0, problem=why, kept=False))
     readable = [(log, texts) for log, texts in logs if isinstance(texts, LogTexts)]
     sites: dict[str, _Site] = {}
     with ExitStack() as stack:
-        tasks = _Tasks(client)
+        tasks = Tasks(client)
         stack.callback(tasks.cancel)
         run = _Run(tasks, out, on_log, limit)
         for log, texts in sorted(readable, key=lambda entry: entry[1].start):
@@ -353,4 +366,4 @@ def reanalyse(
                 sites[name] = _Site(name=name, results=stack.enter_context(SiteResults(out / "sites" / name)))
             run.add(log, texts, sites[name])
         run.run()
-    keep_parts(out, {log.key for log, _ in logs}, {*sites, _NO_SITE})
+    keep_parts(out, {piece.key for log, _ in logs for piece in log.pieces}, {*sites, _NO_SITE})

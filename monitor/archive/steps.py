@@ -5,24 +5,22 @@ import io
 import json
 import math
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import zstandard
 
-from daq import AnyLog, Event, LogError, Recording, read_log
-from daq.events import DeviceFailed
-from daq.log import absent_devices
+from daq import AnyLog, Event, LogError, Recording
 from monitor.analysis.window import IdentifiedWindow, identify_window
-from monitor.results.service_events import Stopped
-from monitor.results.windows import Spectrum, event_result
+from monitor.archive.run_state import PieceStart, analysed_items, begin_piece, read_counts
+from monitor.results.windows import Spectrum
 from monitor.settings import Settings
 from monitor.watch.memory.codec import decode, encode
-from monitor.watch.pipeline import assembler_of
 
 _LEVEL = 3  # of compression
+_BEGINNING = PieceStart()  # of a log
 
 
 class Packer:
@@ -62,19 +60,27 @@ class LogSteps:
     retry: bool = False  #: whether this reason is the limit of time or the storage: the next run begins anew
 
 
-def identify_log(log: AnyLog, settings: Settings, limit: float = math.inf) -> LogSteps:
-    """Identify all windows of a log; of a damaged one those up to the damage.
+def identify_log(
+    log: AnyLog,
+    settings: Settings,
+    limit: float = math.inf,
+    start: PieceStart = _BEGINNING,
+    lead: Sequence[Path] = (),
+) -> LogSteps:
+    """Identify all windows of a log, or of a piece of one; of a damaged one those up to the damage.
 
     Parameters
     ----------
     log : its path, or an object in a storage
     settings : of the site
     limit : on the time that this may take [s]; what is identified by then is kept
+    start : of the piece
+    lead : the last files before the piece, as many as `start` states
     """
     packer, n_windows, seconds, problem, retry = Packer(), 0, 0.0, None, False
     end = time.monotonic() + limit
     try:
-        for step in _steps(log, settings):
+        for step in _steps(log, settings, start, lead):
             retry = time.monotonic() > end
             if retry:
                 raise LogError(str(log), f"was not analysed within {limit:g} s: the rest is left out")
@@ -92,29 +98,19 @@ def no_steps(problem: str) -> LogSteps:
     return LogSteps(packed=Packer().finish(), n_windows=0, seconds=0.0, problem=problem, retry=True)
 
 
-def _steps(log: AnyLog, settings: Settings) -> Iterator[Step]:
+def _steps(log: AnyLog, settings: Settings, start: PieceStart, lead: Sequence[Path]) -> Iterator[Step]:
     """Yield the steps of a log in the order in which `Pipeline.push` takes them."""
-    assembler, devices = assembler_of(settings), {device.name for device in settings.device}
-    first = True
-    for device in absent_devices(log, devices):
-        list(assembler.push_event(DeviceFailed(device=device).event(0)))  # before any data: completes no window
-    for item in read_log(log):
+    state = read_counts(start, lead, settings) if start.state else begin_piece(log, settings, start)
+    assembler = state.assembler
+    for item in analysed_items(log, settings, state):
         if isinstance(item, Event):
-            if event_result(item) is not None:
-                continue
-            if item.topic == Stopped.topic:
-                return  # what follows belongs to no run
             yield item
             windows: Iterable[Recording] = assembler.push_event(item)
         else:
-            if item.device not in devices:
-                raise LogError(
-                    str(log), f"holds device {item.device!r}; the settings have {', '.join(sorted(devices))}"
-                )
             windows = assembler.push(item)
-            if first:
-                first = False
+            if not state.begun:
                 yield item.arrival_time
+        state.count(item)
         for window in windows:
             yield identify_window(window, settings.analysis.band)
 

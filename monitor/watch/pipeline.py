@@ -11,7 +11,7 @@ from monitor.analysis.window import IdentifiedWindow, RecordedWindow, identify_w
 from monitor.results.windows import Result, WindowResult
 from monitor.settings import Settings
 from monitor.watch.backlog import SKIPPED, Skip, none
-from monitor.watch.memory import Memory
+from monitor.watch.memory import Memory, MidLogState
 from monitor.watch.window_evaluator import WindowEvaluator
 from updater import Reference, Structure
 
@@ -92,6 +92,22 @@ class Pipeline:
             self._weather = self._thermometer(self._weather.offset)
         self._judge.begin_log()
         self._resumed = True
+
+    @property
+    def mid_log(self) -> MidLogState:
+        """State to continue from in the middle of a log, in addition to `memory`; without signals."""
+        readings = self._weather.readings if self._weather else ()
+        return replace(self._judge.mid_log, unreported=self._resumed, readings=readings)
+
+    def continue_log(self, state: MidLogState) -> None:
+        """Continue in the middle of a log; for a new pipeline, made with the memory there.
+
+        Windows and events are taken by `push_identified` alone from here on: blocks are not part of the state.
+        """
+        self._resumed = state.unreported
+        self._judge.continue_log(state)
+        if self._weather:
+            self._weather.restore(state.readings)
 
     def _thermometer(self, offset: float) -> SiteTemperature | None:
         temperature = self._settings.temperature

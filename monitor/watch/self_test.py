@@ -73,6 +73,15 @@ class SelfTests:
             self.state = replace(self.state, passed=result.last_passed)
             yield result
 
+    @property
+    def recent(self) -> tuple[Window, ...]:
+        """Calm windows without a break, the newest."""
+        return tuple(self._recent)
+
+    def restore(self, recent: Sequence[Window]) -> None:
+        """Continue with calm windows of before."""
+        self._recent.extend(recent)
+
     def forget(self) -> None:
         """Wait for calm windows without a break: of another reference, or after one over the limit."""
         self._recent.clear()

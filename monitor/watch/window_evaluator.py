@@ -37,7 +37,7 @@ from monitor.watch.answer import answer, sensors
 from monitor.watch.baseline.learned_baseline import LearnedBaseline, learn_baseline
 from monitor.watch.baseline.learning import BaselineLearning
 from monitor.watch.detector import MAX_OUT
-from monitor.watch.memory import CalmSignals, Memory, state_fingerprint
+from monitor.watch.memory import CalmSignals, Memory, MidLogState, state_fingerprint
 from monitor.watch.self_test import NEVER_TESTED, SelfTests
 from updater import Reference, Structure, UpdaterError
 from updater.modal_data import NO_DELAYS, DeviceDelays, Signals
@@ -96,6 +96,21 @@ class WindowEvaluator:
         """Drop what no saved state has."""
         self._tests.forget()
         self._extras = OptionalWork()
+        self._changing = False
+
+    @property
+    def mid_log(self) -> MidLogState:
+        """State that is dropped when a log begins."""
+        noted, failed = self._extras.state
+        return MidLogState(
+            recent=self._tests.recent, changing=self._changing, added=self._added, noted=noted, failed=failed
+        )
+
+    def continue_log(self, state: MidLogState) -> None:
+        """Continue in the middle of a log, after the state of the run before was continued."""
+        self._tests.restore(state.recent)
+        self._extras.restore(state.noted, state.failed)
+        self._changing, self._added = state.changing, state.added
 
     @property
     def memory(self) -> Memory:

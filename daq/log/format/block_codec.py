@@ -67,7 +67,7 @@ def decode_blocks(messages: Sequence[tuple[str, bytes]], axes: AxesOfDevices | N
     ----------
     messages : devices and their messages
     axes : device -> axes that are used; counts of its other axes are 0, axes behind the last used one are
-        missing. Default: all
+        missing; all counts of a device without used axes are 0. Default: all
     """
     parsed = [AccelBlock.FromString(data) for _, data in messages]
     for message in parsed:

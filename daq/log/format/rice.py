@@ -144,10 +144,11 @@ def unpack_blocks(packed: PackedBlocks) -> list[IntArray]:
     Raises
     ------
     ValueError
-        If the axes of any do not hold n samples each.
+        If the axes of any do not hold n samples each; not found if no axis at all is used.
     """
-    if not packed.bits:
-        return []
+    if not packed.used.any():
+        shapes = zip(packed.n.tolist(), packed.n_axes.tolist(), strict=True)
+        return [np.zeros((n_axes, n), np.int32).T for n, n_axes in shapes]
     axes = _Axes.of(packed)
     rest, window = _rest(packed.bits, axes), _windows(packed.bits, int(axes.n_low.max()))
     counts, kept = dict[int, IntArray](), _up_to_last_used(packed)
@@ -170,10 +171,11 @@ def unpack_blocks(packed: PackedBlocks) -> list[IntArray]:
 
 
 def _up_to_last_used(packed: PackedBlocks) -> BoolArray:
-    """Return which axes of all blocks are not behind the last used one of their block, the first one always."""
+    """Return which axes of all blocks are not behind the last used one of their block; all axes of one without any."""
     edge = _before(packed.n_axes)
     number = np.arange(len(packed.order)) - np.repeat(edge, packed.n_axes)
-    last = np.maximum.reduceat(np.where(packed.used, number, 0), edge)
+    last = np.maximum.reduceat(np.where(packed.used, number, -1), edge)
+    last = np.where(last < 0, packed.n_axes, last)
     return np.asarray(number <= np.repeat(last, packed.n_axes))
 
 

@@ -21,7 +21,8 @@ def reanalyse(
     ] = None,
     workers: Annotated[int | None, Option(metavar="N", help="Processes. Default: one per core.", min=1)] = None,
     limit: Annotated[
-        float | None, Option(metavar="S", help="Longest time for one log [s]; the rest of it is left out.", min=0.1)
+        float | None,
+        Option(metavar="S", help="Longest time for one log or piece [s]; the rest is left out.", min=0.1),
     ] = None,
     dry_run: Annotated[bool, Option("--dry-run", help="List the logs and what would be computed.")] = False,
     given: Overrides = None,

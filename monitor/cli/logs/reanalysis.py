@@ -12,7 +12,17 @@ from typing import TYPE_CHECKING
 
 from rich.markup import escape
 
-from monitor.archive import AnalysedLog, ArchiveLog, LogTexts, find_logs, read_steps, reanalyse, steps_key, texts_of
+from monitor.archive import (
+    AnalysedLog,
+    ArchiveLog,
+    LogPiece,
+    LogTexts,
+    find_logs,
+    read_steps,
+    reanalyse,
+    steps_key,
+    texts_of,
+)
 from monitor.cli.options import DONE, NEEDS_A_PERSON
 from monitor.cli.terminal import console, progress
 from monitor.errors import ArgumentError
@@ -40,6 +50,8 @@ def reanalyse_archive(
     logs = find_logs(archives)
     with ThreadPoolExecutor(_READERS) as pool:
         planned = list(zip(logs, pool.map(partial(texts_of, site=texts), logs), strict=True))
+    n_pieces = sum(len(log.pieces) for log in logs)
+    unit = "logs" if n_pieces == len(logs) else "pieces of logs"
     if dry_run:
         _print_plan(planned, out)
         return DONE
@@ -52,14 +64,14 @@ def reanalyse_archive(
 
         def finished(about: AnalysedLog) -> None:
             analysed.append(about)
-            work.note(f"{len(analysed)} of {len(logs)} logs")
+            work.note(f"{len(analysed)} of {n_pieces} {unit}")
             work.advance(sum(one.log.size for one in analysed), sum(log.size for log in logs))
             states[about.site] = about.alarms[-1].state if about.alarms else states.get(about.site, "normal")
             _say(about)
 
         reanalyse(client, planned, out, finished, math.inf if limit is None else limit)
     n_windows, n_problems = sum(one.n_windows for one in analysed), sum(one.problem is not None for one in analysed)
-    console.print(f"{len(analysed)} logs, {n_windows} windows; logs with a problem: {n_problems}")
+    console.print(f"{n_pieces} {unit}, {n_windows} windows; {unit} with a problem: {n_problems}")
     console.print(f"results: {out} (Parquet: windows, modes, alarms, logs)", soft_wrap=True)
     console.print(f"per site: {out}/sites/NAME/results.mcap (for `report` and `view`), history.sqlite", soft_wrap=True)
     return NEEDS_A_PERSON if n_problems or "alarm" in states.values() else DONE
@@ -106,12 +118,17 @@ def _print_plan(planned: Sequence[tuple[ArchiveLog, LogTexts | str]], out: Path)
     for log, texts in planned:
         if isinstance(texts, str):
             state = f"not readable: {_without_name(texts, log)}"
-        elif read_steps(out / "steps" / steps_key(log, texts)):
-            state = "identified by an earlier run"
         else:
-            state, new = "to be identified", new + log.size
+            missing = [each for each in log.pieces if not read_steps(out / "steps" / steps_key(each, texts))]
+            state, new = _state(len(missing), len(log.pieces)), new + sum(each.size for each in missing)
         console.print(f"{escape(log.name)}: {escape(state)}", soft_wrap=True)
     console.print(f"{len(planned)} logs, {new / 1e6:.1f} MB to be read; nothing is written")
+
+
+def _state(n_missing: int, n_pieces: int) -> str:
+    if not n_missing:
+        return "identified by an earlier run"
+    return "to be identified" if n_pieces == 1 else f"{n_missing} of {n_pieces} pieces to be identified"
 
 
 def _say(about: AnalysedLog) -> None:
@@ -127,6 +144,6 @@ def _say(about: AnalysedLog) -> None:
             console.print(f"    {escape(alarm.text)}", soft_wrap=True)
 
 
-def _without_name(problem: str, log: ArchiveLog) -> str:
+def _without_name(problem: str, log: ArchiveLog | LogPiece) -> str:
     """Return a problem of a log without the name of the log, which is printed before it."""
     return problem.removeprefix(f"{log.name}: ")

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from monitor.watch.memory.file import NOTHING as NOTHING
     from monitor.watch.memory.file import LoadedState as LoadedState
     from monitor.watch.memory.file import MemoryFile as MemoryFile
+    from monitor.watch.memory.mid_log import MidLogState as MidLogState
     from monitor.watch.memory.signals import CalmSignals as CalmSignals
     from monitor.watch.memory.state import VERSION as VERSION
     from monitor.watch.memory.state import Memory as Memory

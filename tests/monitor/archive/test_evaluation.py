@@ -8,8 +8,8 @@ from distributed import Client
 
 from daq import read_attachments
 from monitor.archive import evaluation, reanalyse, steps_key
-from monitor.archive.catalog import ArchiveLog
-from monitor.archive.evaluation import EvaluatedLog, evaluate_log
+from monitor.archive.catalog import ArchiveLog, LogPiece
+from monitor.archive.evaluation import EvaluatedLog, WatchState, evaluate_log
 from monitor.archive.log_texts import LogTexts, site_name
 from monitor.archive.reanalysis import AnalysedLog
 from monitor.archive.steps import LogSteps, identify_log, write_steps
@@ -22,8 +22,8 @@ SITE = "T-shaped steel frame"
 SITES = {"a": SITE, "b": "other"}  # folders
 
 
-def log_of(site: str, number: int) -> ArchiveLog:
-    return ArchiveLog(log=Path(f"{site}{number}.mcap"), size=1, key=f"{site}{number}")
+def log_of(site: str, number: int) -> LogPiece:
+    return LogPiece(log=Path(f"{site}{number}.mcap"), size=1, key=f"{site}{number}")
 
 
 @pytest.fixture(scope="module")
@@ -53,10 +53,10 @@ def forget() -> None:
 
 def chain(texts: LogTexts, steps: LogSteps, *, same_worker: bool) -> list[EvaluatedLog]:
     """Evaluate two logs, the second from the state at the end of the first."""
-    first = evaluate_log(log_of("a", 1), texts, "", steps)
+    first = evaluate_log(log_of("a", 1), texts, WatchState(), steps)
     if not same_worker:
         forget()
-    return [first, evaluate_log(log_of("a", 2), texts, first.memory, steps)]
+    return [first, evaluate_log(log_of("a", 2), texts, first.state, steps)]
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_next_log_is_evaluated_alike_by_any_worker(texts: LogTexts, tmp_path: Pa
     assert kept == restored
     first, second = kept
     assert second.alarms[0].kind == "resumed"
-    assert second.memory != first.memory
+    assert second.state != first.state
     assert sum(map(is_result, second.events)) > steps.n_windows
     assert any(not is_result(event) for event in second.events)
 
@@ -110,20 +110,20 @@ def test_failed_evaluation_stops_no_other_log_or_site(
     for log, own in logs:
         write_steps(tmp_path / "steps" / steps_key(log, own), steps)
 
-    def failing(log: ArchiveLog, own: LogTexts, memory: str, found: LogSteps) -> EvaluatedLog:
+    def failing(log: LogPiece, own: LogTexts, state: WatchState, found: LogSteps, *, continued: bool) -> EvaluatedLog:
         if log.key == "a1":
             raise RuntimeError("out of order")
-        return evaluate_log(log, own, memory, found)
+        return evaluate_log(log, own, state, found, continued=continued)
 
     monkeypatch.setattr(evaluation, "evaluate_log", failing)
     done: list[AnalysedLog] = []
-    with Client(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None) as client:
-        reanalyse(client, logs, tmp_path, done.append)
+    with Client(n_workers=2, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as client:
+        reanalyse(client, [(ArchiveLog((log,)), own) for log, own in logs], tmp_path, done.append)
     assert {(log.log.key, log.problem) for log in done} == {
         *((f"{site}{k}", None) for site in "ab" for k in range(3) if (site, k) != ("a", 1)),
         ("a1", "RuntimeError: out of order"),
     }
     assert [log.log.key for log in done if log.log.key[0] == "b"] == ["b0", "b1", "b2"]
     states = {site: (tmp_path / "sites" / name / "memory.json").read_text() for site, name in SITES.items()}
-    assert states["a"] == chain(texts, steps, same_worker=False)[1].memory
+    assert states["a"] == chain(texts, steps, same_worker=False)[1].state.memory
     assert parse_memory(states["b"]).n_windows == 3 * steps.n_windows == 9

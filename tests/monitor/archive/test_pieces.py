@@ -1,0 +1,301 @@
+"""A long run, divided into pieces of whole files: identified in parallel, continued when it grows, evaluated as one."""
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from distributed import Client
+
+from daq import Block, Event, Flag, Item, Recording, read_attachments, read_log
+from daq.events import DeviceFailed
+from daq.log import RotatingWriter, Rotation, as_logs
+from monitor.analysis.window import IdentifiedWindow, RecordedWindow
+from monitor.archive import AnalysedLog, LogTexts, catalog, evaluation, find_logs, reanalyse, steps, tasks, texts_of
+from monitor.archive.evaluation import WatchState, evaluate_log
+from monitor.archive.run_state import PieceStart, advance
+from monitor.archive.steps import Packer, Step, identify_log, unpacked
+from monitor.results.windows import AlarmResult, event_result
+from monitor.service.replay import replay
+from monitor.settings import Settings, parse_attached
+
+RECORDED = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
+SECOND = 10**9  # ns
+_SHORT = 700  # items: 51 s
+LOST = "beam_left"  # device
+
+
+@pytest.fixture(scope="module")
+def attached() -> dict[str, str]:
+    found = read_attachments(RECORDED)
+    return found | {"site.toml": found["site.toml"].replace("baseline_windows = 8", "baseline_windows = 5")}
+
+
+@pytest.fixture(scope="module")
+def settings(attached: dict[str, str]) -> Settings:
+    return parse_attached(attached["site.toml"])
+
+
+@pytest.fixture(scope="module")
+def items() -> list[Item]:
+    """Return the recorded log with a gap of one device, another one lost and started again, and a pause of all."""
+    recorded = [item for item in read_log(RECORDED) if not (isinstance(item, Event) and event_result(item))]
+    start = min(item.arrival_time for item in recorded if isinstance(item, Block))
+    return list(_disturbed(recorded, start))
+
+
+def _disturbed(recorded: Sequence[Item], start: int) -> Iterator[Item]:
+    origin = None
+    for item in recorded:
+        if isinstance(item, Event):
+            yield item
+            continue
+        time = (item.arrival_time - start) / SECOND
+        if (item.device == "col_037" and 31 < time < 38) or 100 < time < 104:
+            continue
+        if item.device == LOST and time > 60:
+            if time < 85:
+                if origin is None:
+                    yield DeviceFailed(device=LOST).event(item.arrival_time)
+                    origin = item.end_index
+                continue
+            flags = item.flags | (Flag.RESTARTED if origin is not None and origin >= 0 else Flag.NONE)
+            shift, origin = 20_000, -1
+            yield replace(
+                item, first_index=item.first_index - shift, arrival_index=item.arrival_index - shift, flags=flags
+            )
+            continue
+        yield item
+
+
+def write_run(folder: Path, items: Sequence[Item], attached: dict[str, str], seconds: float) -> RotatingWriter:
+    """Write the items as files of some seconds; return the open writer."""
+    folder.mkdir()
+    start = next(item.arrival_time for item in items if isinstance(item, Block))
+    writer = RotatingWriter(folder, attached, start, Rotation(seconds=seconds))
+    write(writer, items)
+    return writer
+
+
+def write(writer: RotatingWriter, items: Sequence[Item]) -> None:
+    for k, item in enumerate(items):
+        writer.write(item)
+        if k % 20 == 0:
+            writer.flush()
+
+
+def hashed(recording: Recording, band: tuple[float, float] | None) -> IdentifiedWindow:
+    """Return a window with the hash of all its samples in place of modes."""
+    content = recording.data.tobytes() + repr((recording.gaps, recording.rate, band)).encode()
+    problem = hashlib.sha256(content).hexdigest()
+    return IdentifiedWindow(recorded=RecordedWindow.of(recording), modes=None, problem=problem)
+
+
+def plain(found: Sequence[Step]) -> list[str]:
+    return [repr((step.recorded, step.problem) if isinstance(step, IdentifiedWindow) else step) for step in found]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("seconds", "n_bytes"), [(4.0, 1), (11.0, 1), (30.0, 1), (4.0, 600_000)])
+def test_pieces_have_the_windows_of_the_whole_run(
+    seconds: float,
+    n_bytes: int,
+    items: list[Item],
+    attached: dict[str, str],
+    settings: Settings,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """To the last bit of the samples; files shorter and longer than a window of 15 s."""
+    monkeypatch.setattr(catalog, "PIECE_BYTES", n_bytes)
+    monkeypatch.setattr(steps, "identify_window", hashed)
+    write_run(tmp_path / "log", items, attached, seconds).close()
+    [whole] = as_logs([tmp_path / "log"])
+    expected = list(unpacked(identify_log(whole, settings).packed))
+    assert sum(isinstance(step, IdentifiedWindow) for step in expected) == 13
+    [log] = find_logs([str(tmp_path)])
+    assert len(log.pieces) > 4
+    found: list[Step] = []
+    start, files = PieceStart(), list(log.files)
+    for piece in log.pieces:
+        before = files[: files.index(piece.files[0])]
+        lead = before[len(before) - start.n_files :]
+        found += unpacked(identify_log(piece.log, settings, start=start, lead=lead).packed)
+        start = advance(piece.log, settings, start)
+        assert start.n_files * seconds < 60 + seconds  # a window that is open while a device is lost
+    assert plain(found) == plain(expected)
+
+
+@pytest.mark.thorough
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("same_worker", [False, True])
+def test_evaluation_in_pieces_is_that_of_the_whole_log(
+    same_worker: bool, attached: dict[str, str], settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With baseline, alarm and diagnoses; each piece has one window, and begins in a worker of its own or the same."""
+    texts = LogTexts(site=attached["site.toml"], structure=attached["structure.toml"])
+    whole = identify_log(RECORDED, settings)
+    monkeypatch.setattr(evaluation, "_pipelines", evaluation._Pipelines())
+    piece = catalog.LogPiece(log=RECORDED, size=1, key="whole")
+    expected = evaluate_log(piece, texts, WatchState(), whole)
+    state, events = WatchState(), list[Event]()
+    alarms: list[AlarmResult] = []
+    for k, part in enumerate(_parts(list(unpacked(whole.packed)))):
+        if not same_worker:
+            monkeypatch.setattr(evaluation, "_pipelines", evaluation._Pipelines())
+        packer = Packer()
+        for step in part:
+            packer.add(steps._encoded(step))
+        some = replace(whole, packed=packer.finish())
+        found = evaluate_log(piece, texts, state, some, continued=k > 0)
+        state = found.state
+        events += list(found.events)
+        alarms += found.alarms
+    assert texts_of_events(events) == texts_of_events(expected.events)
+    assert tuple(alarms) == expected.alarms
+    assert state == expected.state
+    assert [alarm.state for alarm in alarms][-1] == "alarm"
+
+
+def texts_of_events(events: Iterable[Event]) -> list[str]:
+    return [json.dumps([event.topic, event.time, event.payload]) for event in events]
+
+
+def _parts(whole: list[Step]) -> Iterator[list[Step]]:
+    part: list[Step] = []
+    for step in whole:
+        part.append(step)
+        if isinstance(step, IdentifiedWindow):
+            yield part
+            part = []
+    yield part
+
+
+class Archive:
+    """A folder of logs that is reanalysed on a cluster."""
+
+    def __init__(self, client: Client, logs: Path, out: Path) -> None:
+        self._client, self._logs, self._out = client, logs, out
+
+    def reanalyse(self) -> list[AnalysedLog]:
+        done: list[AnalysedLog] = []
+        logs = find_logs([str(self._logs)])
+        reanalyse(self._client, [(log, texts_of(log, None)) for log in logs], self._out, done.append)
+        return done
+
+    @property
+    def windows(self) -> pd.DataFrame:
+        """Rows of the table of windows, in order."""
+        return pd.read_parquet(self._out / "windows").sort_values("window").drop(columns="log").reset_index(drop=True)
+
+    @property
+    def n_states(self) -> int:
+        return len(list((self._out / "states").iterdir()))
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Client]:
+    """Yield a cluster of two threads."""
+    with Client(n_workers=2, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as found:
+        yield found
+
+
+@pytest.fixture
+def one_file_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make each file a piece, and identification fast."""
+    monkeypatch.setattr(catalog, "PIECE_BYTES", 1)
+    monkeypatch.setattr(steps, "identify_window", hashed)
+
+
+@pytest.mark.usefixtures("one_file_each")
+def test_run_that_has_grown_is_continued(
+    client: Client,
+    items: list[Item],
+    attached: dict[str, str],
+    settings: Settings,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Only new files are identified; no old one is read beyond those with the scans of the open window."""
+    monkeypatch.setattr(catalog, "PIECE_BYTES", 200_000)
+    advanced: list[str] = []
+
+    def counted(log: Any, settings: Settings, start: PieceStart) -> PieceStart:
+        advanced.append(str(log))
+        return advance(log, settings, start)
+
+    monkeypatch.setattr(tasks, "advance", counted)
+    archive = Archive(client, tmp_path / "log", tmp_path / "out")
+    items = items[:_SHORT]
+    n = int(len(items) * 0.7)
+    writer = write_run(tmp_path / "log", items[:n], attached, 7.0)
+    writer.flush()
+    first = archive.reanalyse()
+    assert len(first) > 2
+    assert not any(piece.kept for piece in first)
+    assert 0 < archive.n_states <= 2
+    write(writer, items[n:])
+    writer.close()
+    advanced.clear()
+    second = archive.reanalyse()
+    assert len(second) > len(first)
+    assert [piece.kept for piece in second] == [k < len(first) - 1 for k in range(len(second))]
+    assert len(advanced) <= len(second) - len(first) + 1
+    assert 0 < archive.n_states <= 2
+    [run] = as_logs([tmp_path / "log"])
+    expected = [step for step in unpacked(identify_log(run, settings).packed) if isinstance(step, IdentifiedWindow)]
+    found = archive.windows
+    assert found.problem.tolist() == [step.problem for step in expected]
+    assert found.start.astype("int64").tolist() == [step.recorded.start for step in expected]
+    assert len(expected) == 3
+
+
+@pytest.mark.thorough
+@pytest.mark.usefixtures("one_file_each")
+def test_damaged_file_costs_the_windows_up_to_the_next_piece(
+    client: Client, items: list[Item], attached: dict[str, str], tmp_path: Path
+) -> None:
+    """The damage is stated; the next piece begins as a log does, while one device is absent."""
+    archive = Archive(client, tmp_path / "log", tmp_path / "out")
+    writer = write_run(tmp_path / "log", items, attached, 9.0)
+    writer.close()
+    intact = find_logs([str(tmp_path / "log")])[0]
+    damaged = next(k for k, path in enumerate(writer.paths) if _holds(path, DeviceFailed.topic))
+    content = bytearray(writer.paths[damaged].read_bytes())
+    content[len(content) // 2] ^= 255
+    writer.paths[damaged].write_bytes(content)
+    found = archive.reanalyse()
+    problems = {k: piece.problem for k, piece in enumerate(found) if piece.problem}
+    assert problems.keys() == {damaged}
+    assert "is damaged before byte" in str(problems[damaged])
+    assert len(found) == len(intact.pieces)
+    begins = archive.windows.start.astype("int64")
+    assert 10 <= len(begins) <= 13
+    assert 15e9 < begins.diff().max() < 45e9
+    assert archive.reanalyse()[-1].kept
+
+
+def _holds(path: Path, topic: str) -> bool:
+    return any(isinstance(item, Event) and item.topic == topic for item in read_log(path))
+
+
+@pytest.mark.thorough
+@pytest.mark.timeout(300)
+def test_results_of_pieces_are_those_of_a_replay(
+    client: Client, items: list[Item], attached: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All results of a run with a baseline and an alarm, identified and evaluated piece by piece."""
+    monkeypatch.setattr(catalog, "PIECE_BYTES", 1)
+    write_run(tmp_path / "log", items, attached, 20.0).close()
+    [log] = as_logs([tmp_path / "log"])
+    report = replay(log, None, lambda _: None)
+    done = Archive(client, tmp_path / "log", tmp_path / "out").reanalyse()
+    assert len(done) > 5
+    [results] = (tmp_path / "out" / "sites").glob("*/results.mcap")
+    found = [result for item in read_log(results) if isinstance(item, Event) and (result := event_result(item))]
+    assert [result.payload() for result in found] == [result.payload() for result in report.found]
+    assert len(found) > 15
