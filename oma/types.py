@@ -1,6 +1,6 @@
 """Result of an identification: modes with their uncertainty, and the poles that they are selected from."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,7 +66,7 @@ class ModalEstimate:
     law_ratio: FloatArray  #: (n_modes,) jackknife sigma of frequency over the uncertainty law's [-]
     start: int  #: start of the recording [ns UTC]
     end: int  #: its end [ns UTC]
-    poles: Stabilization | None = None
+    poles: Stabilization | None = field(default=None, metadata={"stored": False})
     """Poles that the modes were selected from, kept by `identify` alone; None for several windows and other sources"""
 
     def __post_init__(self) -> None:

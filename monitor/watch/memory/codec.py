@@ -26,7 +26,7 @@ class CodecError(ValueError):
 def encode(value: Any) -> Any:  # noqa: ANN401 - any value of a dataclass's fields
     """Return JSON values of a dataclass, array, mapping, sequence or plain value."""
     if dataclasses.is_dataclass(value):
-        return {f.name: encode(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        return {name: encode(getattr(value, name)) for name in stored_fields(type(value))}
     if isinstance(value, np.ndarray | np.generic):
         array = np.asarray(value)
         array = array.astype(array.dtype.newbyteorder("<"))
@@ -37,6 +37,11 @@ def encode(value: Any) -> Any:  # noqa: ANN401 - any value of a dataclass's fiel
     if isinstance(value, tuple | list):
         return [encode(item) for item in value]
     return value
+
+
+def stored_fields(kind: Any) -> list[str]:  # noqa: ANN401 - a dataclass or one of its objects
+    """Return the names of the fields that are stored: those that are not marked `{"stored": False}`."""
+    return [f.name for f in dataclasses.fields(kind) if f.metadata.get("stored", True)]
 
 
 def decode(kind: Any, values: Any, place: str = "") -> Any:  # noqa: ANN401 - what the hint says
@@ -76,7 +81,7 @@ def decode(kind: Any, values: Any, place: str = "") -> Any:  # noqa: ANN401 - wh
 
 
 def _dataclass(kind: Any, values: Any, place: str) -> Any:  # noqa: ANN401
-    names = {f.name for f in dataclasses.fields(kind)}
+    names = set(stored_fields(kind))
     _checked(isinstance(values, dict) and values.keys() == names, values, place, f"an object of {sorted(names)}")
     hints = typing.get_type_hints(kind)
     found = {name: decode(hints[name], values[name], f"{place}.{name}".lstrip(".")) for name in names}

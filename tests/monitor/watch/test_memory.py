@@ -2,8 +2,10 @@
 
 import hashlib
 import json
-from dataclasses import dataclass, replace
+import typing
+from dataclasses import dataclass, is_dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,12 +15,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from daq import Channel, Event, Recording
+from monitor.analysis.window import IdentifiedWindow
 from monitor.detection.alarm import Alarm, AlarmRules
 from monitor.results.service_events import AcceptanceUndone, ChangeAccepted
 from monitor.results.windows import AlarmResult, ReferenceResult
 from monitor.watch.memory import MEMORY, CalmSignals, CodecError, MemoryFile, memory_text, parse_memory, recall
-from monitor.watch.memory.codec import decode, encode
-from monitor.watch.memory.state import VERSION
+from monitor.watch.memory.codec import decode, encode, stored_fields
+from monitor.watch.memory.state import VERSION, Memory
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.played_windows import (
     BASELINE,
@@ -201,6 +204,27 @@ def test_saved_state_without_signals_is_read(tmp_path: Path, monkeypatch: pytest
     content = json.dumps(values)
     head = json.dumps({"modalwatch": 10, "sha256": hashlib.sha256(content.encode()).hexdigest()})
     assert memory_text(parse_memory(f"{head}\n{content}")) == now
+
+
+def stored_fields_of(kind: Any, found: dict[str, list[str]]) -> dict[str, list[str]]:
+    """Add the stored fields of a type and of all types in it, with their hints."""
+    if is_dataclass(kind) and kind.__name__ not in found:
+        hints = typing.get_type_hints(kind)
+        found[kind.__name__] = [f"{name}: {hints[name]}" for name in stored_fields(kind)]
+        for name in stored_fields(kind):
+            stored_fields_of(hints[name], found)
+    for inside in typing.get_args(kind):
+        stored_fields_of(inside, found)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("kind", "version_11"), [(Memory, "22c0a7a04c8b"), (IdentifiedWindow, "46f8de6d0c1b")], ids=["state", "steps"]
+)
+def test_stored_fields_change_with_their_version_only(kind: type, version_11: str) -> None:
+    """With another field, a monitor would learn its baseline again after an update: raise the version, read the old."""
+    fields = sorted((name, sorted(own)) for name, own in stored_fields_of(kind, {}).items())
+    assert (VERSION, hashlib.sha256(repr(fields).encode()).hexdigest()[:12]) == (11, version_11)
 
 
 def test_saved_state_is_written_only_after_its_result_is_logged(
