@@ -41,7 +41,8 @@ _LINES, _SHARE = 2, 0.03  # each way of a mode: lines, and share of its frequenc
 _WEIGHT = 0.2  # of the last block in the running mean
 _LEAST_MEANS = 300  # blocks before the running mean is used: its own deviation is that of few independent means
 _MEAN_STD = (_WEIGHT / (2 - _WEIGHT)) ** 0.5  # of it over that of a block, if blocks are independent
-_MOST_KEPT = 4_000_000  # counts before the first reference, 16 MB: 222 s of six devices with three axes at 1000 Hz
+_MOST_KEPT = 24_000_000  # bytes of items before the first reference: 222 s of six devices with three axes at 1000 Hz
+_ITEM_BYTES = 600  # of a block or event, besides its counts
 _MOST_CHANNELS = 12  # up to which the cost was measured: the filter is learned in the analysis process
 _log = logging.getLogger(__name__)
 
@@ -62,7 +63,7 @@ class InnovationMonitor:
         self._assembler: Assembler | None = None
         self._awaited = len(settings.channels) <= _MOST_CHANNELS  # true until the first reference
         self._kept: deque[Block | Event] = deque()  # last items of the calm windows before the first reference
-        self._n_kept = 0  # samples in them
+        self._n_kept = 0  # bytes of them
         self._seconds, self._learn_seconds = _LEAST_SECONDS, _LEARN_SECONDS
         self._forget()
 
@@ -90,9 +91,9 @@ class InnovationMonitor:
     def _keep(self, item: Block | Event) -> None:
         """Keep an item until the first reference is known, and drop the oldest ones of too many."""
         self._kept.append(item)
-        self._n_kept += _n_samples(item)
+        self._n_kept += _size(item)
         while self._n_kept > _MOST_KEPT:
-            self._n_kept -= _n_samples(self._kept.popleft())
+            self._n_kept -= _size(self._kept.popleft())
 
     def take(self, result: Result) -> None:
         """Learn the blocks of the last calm window but one, or discard those of a changed one and of the one before."""
@@ -146,7 +147,8 @@ class InnovationMonitor:
             for block in blocks[n:]:
                 for _ in self._filter.run(block):  # none: its levels are not known yet
                     pass
-            self._filter.learn(calm=True)
+            for _ in range(2):  # all windows of the baseline are calm: none is held back
+                self._filter.learn(calm=True)
 
     def _learn(self) -> None:
         """Learn the filter as soon as the calm blocks last long enough; a reference that is not suitable is left."""
@@ -167,8 +169,9 @@ class InnovationMonitor:
         self._calm, self._held, self._pending = [], [], []
 
 
-def _n_samples(item: Block | Event) -> int:
-    return item.counts.size if isinstance(item, Block) else 0
+def _size(item: Block | Event) -> int:
+    """Return the memory of an item [bytes]."""
+    return _ITEM_BYTES + (item.counts.nbytes if isinstance(item, Block) else 0)
 
 
 def _without_gap(blocks: list[Recording]) -> list[Recording]:

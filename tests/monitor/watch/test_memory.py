@@ -208,7 +208,7 @@ def test_saved_state_without_signals_is_read(tmp_path: Path, monkeypatch: pytest
 
 def stored_fields_of(kind: Any, found: dict[str, list[str]]) -> dict[str, list[str]]:
     """Add the stored fields of a type and of all types in it, with their hints."""
-    if is_dataclass(kind) and kind.__name__ not in found:
+    if isinstance(kind, type) and is_dataclass(kind) and kind.__name__ not in found:
         hints = typing.get_type_hints(kind)
         found[kind.__name__] = [f"{name}: {hints[name]}" for name in stored_fields(kind)]
         for name in stored_fields(kind):

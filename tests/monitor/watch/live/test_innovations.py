@@ -131,15 +131,22 @@ def test_filter_starts_again_after_a_gap(learned: Learned) -> None:
 
 
 def test_signals_of_the_baseline_are_learned_too(learned: Learned) -> None:
-    """160 s of baseline: 60 s for the filter, the rest for its levels. Without them, none are shown for 160 s more."""
+    """160 s of baseline: 60 s for the filter, the rest for its levels; a change right after the baseline is visible.
+
+    The results are in the order of the pipeline: the last window of the baseline, the reference, then each window
+    behind its blocks.
+    """
     monitor = InnovationMonitor(learned.settings, lambda: learned.reference)
-    found: list[list[ModeInnovations]] = []
-    for number, blocks in enumerate(learned.windows[:10], start=1):
-        found.append([one for block in blocks for one in monitor.push(block)])
-        if number == 8:
-            monitor.take(learned.reported)
+    for blocks in learned.windows[:8]:
+        assert not [one for block in blocks for one in monitor.push(block)]
         monitor.take(learned.calm)
-    assert [len(of_window) > WINDOW / 2 for of_window in found] == 8 * [False] + 2 * [True]
+    monitor.take(learned.reported)
+    alarm = learned.calm.model_copy(update={"phase": "alarm"})
+    found: list[list[ModeInnovations]] = []
+    for blocks in learned.windows[8:10]:
+        found.append([one for block in blocks for one in monitor.push(block)])
+        monitor.take(alarm)
+    assert [len(of_window) > WINDOW / 2 for of_window in found] == [True, True]
     assert not any(one.over for of_window in found for one in of_window)
 
 
