@@ -52,14 +52,14 @@ _SMALLEST = {
 }
 _BEYOND_TOLERANCE = 0.06  # of a section's factor: three deviations of rolled and cold-formed sections
 _RIGID_JOINT = (
-    "Members of the model meet at a point; a factor above 1 stands for a solid block, gussets or overlapping members."
+    "Members of the model meet at a point; a factor above 1 represents a solid block, gussets or overlapping members."
 )
 _FLEXIBLE_JOINT = (
-    "Members of the model are joined without local deformation; the spring stands for walls that bend at the joint, "
+    "Members of the model are joined without local deformation; the spring represents walls that bend at the joint, "
     "or for its bolts or weld."
 )
 _DEFORMED_SECTION = (
-    "Sections of the model keep their shape; the factor stands for shear lag, a section that deforms, or other "
+    "Sections of the model keep their shape; the factor represents shear lag, a section that deforms, or other "
     "dimensions."
 )
 _DIFFERENT = 1e-3  # p value under which predicted and measured shifts by a known mass differ

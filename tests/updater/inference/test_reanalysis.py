@@ -100,6 +100,7 @@ def test_modal_damping_follows_the_energy_share_of_an_oscillator(own_damping: fl
         coupling=np.sqrt(mass) * along[None, :, None],
         own=np.array([[omega_o**-2.0]]),
         own_log_damping=np.log([[own_damping / damping]]),
+        carried=np.zeros((1, len(data.channels), 1)),
     )
     changed = reanalyse(data, effect)
     value, vector = picked(changed)

@@ -78,7 +78,7 @@ ROOT = Path(__file__).parents[3]
         (
             "[[support]]",
             "[[suport]]",
-            "suport: not a known key, did you mean 'support'?; known here are body, breathing_crack, external, joint, "
+            "suport: not a known key, did you mean 'support'?; known here are body, breathing_crack, external, ground, joint, "
             "material, member",
         ),
         (
