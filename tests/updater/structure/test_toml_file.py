@@ -78,8 +78,8 @@ ROOT = Path(__file__).parents[3]
         (
             "[[support]]",
             "[[suport]]",
-            "suport: not a known key, did you mean 'support'?; known here are body, breathing_crack, external, ground, joint, "
-            "material, member",
+            "suport: not a known key, did you mean 'support'?; known here are body, breathing_crack, external, ground, "
+            "joint, material, member",
         ),
         (
             "elements = 37",
