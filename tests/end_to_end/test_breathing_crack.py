@@ -88,6 +88,7 @@ def open_crack() -> tuple[Observation, Observation, Explanation]:
     return before, now, explain(PORTAL.file(), before, now, only=["local_stiffness"])
 
 
+@pytest.mark.thorough
 def test_place_is_the_same_despite_rounding() -> None:
     """A cause is tested although its place differs by rounding from that of its fit."""
     before, now, found = open_crack()
