@@ -254,7 +254,7 @@ class _Run:
         """Keep the states behind the last two complete pieces: a file at the end of the last one may still grow."""
         with _writing(self._out):
             write_start(self._start_path(log.pieces[log.next - 1]), log.start)
-            for piece in log.pieces[: log.n_complete - 2]:
+            for piece in log.pieces[: max(0, log.n_complete - 2)]:
                 self._start_path(piece).unlink(missing_ok=True)
 
     def _identify(self, piece: _Piece, lead: tuple[Path, ...]) -> None:

@@ -26,6 +26,7 @@ from monitor.settings import Settings, parse_attached
 RECORDED = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
 SECOND = 10**9  # ns
 _SHORT = 700  # items: 51 s
+_SHORTEST = 200  # items: 15 s
 LOST = "beam_left"  # device
 
 
@@ -252,6 +253,18 @@ def test_run_that_has_grown_is_continued(
     assert found.problem.tolist() == [step.problem for step in expected]
     assert found.start.astype("int64").tolist() == [step.recorded.start for step in expected]
     assert len(expected) == 3
+
+
+@pytest.mark.usefixtures("one_file_each")
+def test_state_behind_the_only_complete_piece_is_kept(
+    client: Client, items: list[Item], attached: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writer = write_run(tmp_path / "log", items[:_SHORTEST], attached, 5.0)
+    writer.close()
+    monkeypatch.setattr(catalog, "PIECE_BYTES", sum(path.stat().st_size for path in writer.paths[:-1]))
+    archive = Archive(client, tmp_path / "log", tmp_path / "out")
+    assert len(archive.reanalyse()) == 2
+    assert archive.n_states == 1
 
 
 @pytest.mark.thorough
