@@ -167,7 +167,7 @@ class _Run:
     tasks : on the cluster
     out : folder of the results
     on_log : called with each piece once it is evaluated
-    limit : on the time for the identification of one piece [s]
+    limit : on the time of each task that reads a piece [s]
     """
 
     def __init__(self, tasks: Tasks, out: Path, on_log: OnLog, limit: float) -> None:
@@ -235,7 +235,7 @@ class _Run:
 
     def _advance(self, log: _Log) -> None:
         task = Task(then=partial(self._advanced, log), failed=str)
-        self._tasks.advance(task, log.pieces[log.next].piece, log.texts.site, log.start)
+        self._tasks.advance(task, log.pieces[log.next].piece, log.texts.site, self._limit, log.start)
 
     def _advanced(self, log: _Log, start: PieceStart | str) -> None:
         log.next += 1
@@ -338,7 +338,8 @@ def reanalyse(
     out : folder of the results: tables as Parquet, `steps`, `states`, and per site a log of results, a history, a saved
         state
     on_log : called with each log, or piece of one, once it is evaluated
-    limit : on the time for the identification of one piece [s]; a repeated run begins such a piece anew
+    limit : on the time of each task that reads a piece, identification or advance [s]; a repeated run begins
+        such a piece anew
 
     Raises
     ------

@@ -8,7 +8,9 @@ lies every block that its first window can need, and advances through these file
 """
 
 import hashlib
+import math
 import pickle
+import time
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,15 +19,36 @@ from pathlib import Path
 
 import zstandard
 
-from daq import AnyLog, Assembler, Block, Event, Item, LogError, LogExcerpt, read_log, timing
+from daq import AnyLog, Assembler, Block, Event, Item, LogError, LogExcerpt, read_log, timing, types
 from daq.events import DeviceFailed
 from daq.log import BEGINNING, absent_devices, files_of
 from monitor.results.service_events import Stopped
 from monitor.results.windows import event_result
 from monitor.settings import Settings
-from monitor.watch.pipeline import assembler_of
+from monitor.watch import pipeline
 
 _LEVEL = 3  # of compression
+# errors of a file, and of bytes that another version of Python or of a library has written
+_UNREADABLE = (OSError, pickle.UnpicklingError, zstandard.ZstdError, EOFError, ImportError, AttributeError)
+_UNREADABLE += (LookupError, TypeError, ValueError)
+
+
+class TimeLimit:
+    """Limit on the time that a task may take, from now on.
+
+    Parameters
+    ----------
+    seconds : of the limit [s]
+    """
+
+    def __init__(self, seconds: float = math.inf) -> None:
+        self._seconds, self._end = seconds, time.monotonic() + seconds
+
+    def check(self, log: AnyLog) -> None:
+        """Raise LogError, caused by a TimeoutError, if the time is over."""
+        if time.monotonic() > self._end:
+            reason = f"was not analysed within {self._seconds:g} s: the rest is left out"
+            raise LogError(str(log), reason) from TimeoutError()
 
 
 @dataclass(kw_only=True)
@@ -83,12 +106,19 @@ class PieceStart:
 
 
 def read_start(path: Path) -> PieceStart | None:
-    """Return the beginning of a piece in a file; None if there is none, or it is damaged or of another version."""
+    """Return the beginning of a piece in a file; None if there is none, or it is damaged or of another version.
+
+    The file holds Python objects, and its hash is no signature: the folder must be one that only trusted users write.
+    """
     try:
         head, _, content = path.read_bytes().partition(b"\n")
-    except OSError:
+        if head != _head(content):
+            return None
+        start: PieceStart = pickle.loads(content)
+        if start.state:
+            RunState.unpack(start.state)
+    except _UNREADABLE:
         return None
-    start: PieceStart | None = pickle.loads(content) if head == _head(content) else None
     return start
 
 
@@ -106,16 +136,21 @@ def _head(content: bytes) -> bytes:
 
 @cache
 def _code() -> str:
-    """Return the hash of the code of all classes in a state."""
-    files = [Path(__file__), *sorted(Path(timing.__file__).parent.glob("*.py"))]
-    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+    """Return the hash of the code that a state depends on."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in code_files())).hexdigest()
+
+
+def code_files() -> list[Path]:
+    """Return the code of all classes in a state, and of the function that begins one."""
+    modules = (__file__, types.__file__, pipeline.__file__)
+    return [*map(Path, modules), *sorted(Path(timing.__file__).parent.glob("*.py"))]
 
 
 def begin_piece(log: AnyLog, settings: Settings, start: PieceStart) -> RunState:
     """Return the state at the beginning of a piece, without counts."""
     if start.state:
         return RunState.unpack(start.state)
-    state = RunState(assembler=assembler_of(settings))
+    state = RunState(assembler=pipeline.assembler_of(settings))
     devices = {device.name for device in settings.device}
     if start.after_damage and not isinstance(log, LogExcerpt):
         log = LogExcerpt(log=log, start=BEGINNING + 1, text="")  # the loss of a device may be reported before it
@@ -124,7 +159,7 @@ def begin_piece(log: AnyLog, settings: Settings, start: PieceStart) -> RunState:
     return state
 
 
-def read_counts(start: PieceStart, lead: Sequence[Path], settings: Settings) -> RunState:
+def read_counts(start: PieceStart, lead: Sequence[Path], settings: Settings, limit: TimeLimit) -> RunState:
     """Return the state at the beginning of a piece with the counts that its windows need.
 
     Parameters
@@ -132,39 +167,50 @@ def read_counts(start: PieceStart, lead: Sequence[Path], settings: Settings) -> 
     start : of the piece, with a state
     lead : the last files before it, as many as the start states
     settings : of the site
+    limit : on the time of the task
+
+    Raises
+    ------
+    LogError
+        If a file before the piece is damaged or cannot be read now, or the time is over.
     """
     state = RunState.unpack(start.borders[0].state)
     state.assembler.mark()
     for path in lead:
-        for item in analysed_items(path, settings, state):
+        for item in analysed_items(path, settings, state, limit):
             state.advance(item)
     state.assembler.refuse_marked()
     return state
 
 
-def advance(log: AnyLog, settings: Settings, start: PieceStart) -> PieceStart:
+def advance(log: AnyLog, settings: Settings, start: PieceStart, limit: TimeLimit) -> PieceStart:
     """Return the beginning of the piece after this one; after a damaged one, a state begins anew.
 
     Raises
     ------
     LogError
-        If it cannot be read now, as when a storage does not respond.
+        If it cannot be read now, as when a storage does not respond, or the time is over.
     """
     try:
         state, borders = begin_piece(log, settings, start), list(start.borders)
         for path in files_of(log):
             borders.append(Border(state=state.pack(), n_blocks=Counter(state.n_blocks)))
-            for item in analysed_items(path, settings, state, axes={}):
+            for item in analysed_items(path, settings, state, limit, axes={}):
                 state.advance(item)
             borders = [replace(border, n_files=border.n_files + 1) for border in borders]
             needed = state.assembler.n_needed()
             while len(borders) > 1 and _covers(borders[1], state, needed):
                 del borders[0]
     except LogError as error:
-        if isinstance(error.__cause__, OSError):
+        if is_temporary(error):
             raise
         return PieceStart(after_damage=True)
     return PieceStart(state=state.pack(), borders=tuple(borders))
+
+
+def is_temporary(error: LogError) -> bool:
+    """Return whether a later run may read the log: the storage did not respond, or the time was over."""
+    return isinstance(error.__cause__, OSError)
 
 
 def _covers(border: Border, state: RunState, needed: Mapping[str, int]) -> bool:
@@ -173,13 +219,24 @@ def _covers(border: Border, state: RunState, needed: Mapping[str, int]) -> bool:
 
 
 def analysed_items(
-    log: AnyLog, settings: Settings, state: RunState, axes: Mapping[str, Collection[int]] | None = None
+    log: AnyLog,
+    settings: Settings,
+    state: RunState,
+    limit: TimeLimit,
+    axes: Mapping[str, Collection[int]] | None = None,
 ) -> Iterator[Item]:
-    """Yield the blocks and events of a log that its analysis takes, up to the end of the run."""
+    """Yield the blocks and events of a log that its analysis takes, up to the end of the run.
+
+    Raises
+    ------
+    LogError
+        If the log is damaged or cannot be read now, or the time is over.
+    """
     devices = {device.name for device in settings.device}
     if state.stopped:
         return
     for item in read_log(log, axes, others=True):
+        limit.check(log)
         if isinstance(item, Event):
             if event_result(item) is not None:
                 continue

@@ -4,7 +4,6 @@ import hashlib
 import io
 import json
 import math
-import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +13,15 @@ import zstandard
 
 from daq import AnyLog, Event, LogError, Recording
 from monitor.analysis.window import IdentifiedWindow, identify_window
-from monitor.archive.run_state import PieceStart, analysed_items, begin_piece, read_counts
+from monitor.archive.run_state import (
+    PieceStart,
+    RunState,
+    TimeLimit,
+    analysed_items,
+    begin_piece,
+    is_temporary,
+    read_counts,
+)
 from monitor.results.windows import Spectrum
 from monitor.settings import Settings
 from monitor.watch.memory.codec import decode, encode
@@ -78,18 +85,14 @@ def identify_log(
     lead : the last files before the piece, as many as `start` states
     """
     packer, n_windows, seconds, problem, retry = Packer(), 0, 0.0, None, False
-    end = time.monotonic() + limit
     try:
-        for step in _steps(log, settings, start, lead):
-            retry = time.monotonic() > end
-            if retry:
-                raise LogError(str(log), f"was not analysed within {limit:g} s: the rest is left out")
+        for step in _steps(log, settings, start, lead, TimeLimit(limit)):
             if isinstance(step, IdentifiedWindow):
                 n_windows += 1
                 seconds += (step.recorded.end - step.recorded.start) * 1e-9
             packer.add(_encoded(step))
     except LogError as error:
-        problem, retry = str(error), retry or isinstance(error.__cause__, OSError)
+        problem, retry = str(error), is_temporary(error)
     return LogSteps(packed=packer.finish(), n_windows=n_windows, seconds=seconds, problem=problem, retry=retry)
 
 
@@ -98,11 +101,13 @@ def no_steps(problem: str) -> LogSteps:
     return LogSteps(packed=Packer().finish(), n_windows=0, seconds=0.0, problem=problem, retry=True)
 
 
-def _steps(log: AnyLog, settings: Settings, start: PieceStart, lead: Sequence[Path]) -> Iterator[Step]:
+def _steps(
+    log: AnyLog, settings: Settings, start: PieceStart, lead: Sequence[Path], limit: TimeLimit
+) -> Iterator[Step]:
     """Yield the steps of a log in the order in which `Pipeline.push` takes them."""
-    state = read_counts(start, lead, settings) if start.state else begin_piece(log, settings, start)
+    state = _state_before(log, settings, start, lead, limit)
     assembler = state.assembler
-    for item in analysed_items(log, settings, state):
+    for item in analysed_items(log, settings, state, limit):
         if isinstance(item, Event):
             yield item
             windows: Iterable[Recording] = assembler.push_event(item)
@@ -113,6 +118,20 @@ def _steps(log: AnyLog, settings: Settings, start: PieceStart, lead: Sequence[Pa
         state.count(item)
         for window in windows:
             yield identify_window(window, settings.analysis.band)
+
+
+def _state_before(
+    log: AnyLog, settings: Settings, start: PieceStart, lead: Sequence[Path], limit: TimeLimit
+) -> RunState:
+    """Return the state at the beginning of a piece; behind a damaged file, the piece begins as a log does."""
+    if start.state:
+        try:
+            return read_counts(start, lead, settings, limit)
+        except LogError as error:
+            if is_temporary(error):
+                raise
+            start = PieceStart(after_damage=True)  # the damage is a problem of the piece before
+    return begin_piece(log, settings, start)
 
 
 def _encoded(step: Step) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from daq import LogError
 from monitor.archive.catalog import LogPiece
 from monitor.archive.evaluation import WatchState, evaluate_task
 from monitor.archive.log_texts import LogTexts
-from monitor.archive.run_state import PieceStart, advance
+from monitor.archive.run_state import PieceStart, TimeLimit, advance
 from monitor.archive.steps import LogSteps, identify_log, no_steps
 from monitor.errors import ArgumentError
 from monitor.settings import parse_attached
@@ -31,10 +31,10 @@ def identify_task(piece: LogPiece, site: str, limit: float, start: PieceStart, l
         return no_steps(str(error))
 
 
-def advance_task(piece: LogPiece, site: str, start: PieceStart) -> PieceStart | str:
-    """Return the beginning of the piece after this one, or the reason why it cannot be known now; in a worker."""
+def advance_task(piece: LogPiece, site: str, limit: float, start: PieceStart) -> PieceStart | str:
+    """Return the beginning of the piece after this one, or the reason why it is not known within a time [s]."""
     try:
-        return advance(piece.log, parse_attached(site), start)
+        return advance(piece.log, parse_attached(site), start, TimeLimit(limit))
     except LogError as error:
         return str(error)
 
@@ -87,9 +87,9 @@ class Tasks:
         """Submit an identification."""
         self._submit(self._identifying, task, 0, {}, identify_task, piece, site, limit, start, lead)
 
-    def advance(self, task: Task, piece: LogPiece, site: str, start: PieceStart) -> None:
+    def advance(self, task: Task, piece: LogPiece, site: str, limit: float, start: PieceStart) -> None:
         """Submit an advance through a piece."""
-        self._submit(self._advancing, task, 1, {}, advance_task, piece, site, start)
+        self._submit(self._advancing, task, 1, {}, advance_task, piece, site, limit, start)
 
     def evaluate(
         self,

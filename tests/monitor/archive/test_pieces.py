@@ -2,6 +2,8 @@
 
 import hashlib
 import json
+import pickletools
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,19 +11,21 @@ from typing import Any
 
 import pandas as pd
 import pytest
+import zstandard
 from distributed import Client
 
 from daq import Block, Event, Flag, Item, Recording, read_attachments, read_log
 from daq.events import DeviceFailed
-from daq.log import RotatingWriter, Rotation, as_logs
+from daq.log import PartedLog, RotatingWriter, Rotation, as_logs
 from monitor.analysis.window import IdentifiedWindow, RecordedWindow
 from monitor.archive import AnalysedLog, LogTexts, catalog, evaluation, find_logs, reanalyse, steps, tasks, texts_of
 from monitor.archive.evaluation import WatchState, evaluate_log
-from monitor.archive.run_state import PieceStart, advance
+from monitor.archive.run_state import PieceStart, RunState, TimeLimit, advance, code_files, read_start, write_start
 from monitor.archive.steps import Packer, Step, identify_log, unpacked
 from monitor.results.windows import AlarmResult, event_result
 from monitor.service.replay import replay
 from monitor.settings import Settings, parse_attached
+from monitor.watch.pipeline import assembler_of
 
 RECORDED = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
 SECOND = 10**9  # ns
@@ -126,7 +130,7 @@ def test_pieces_have_the_windows_of_the_whole_run(
         before = files[: files.index(piece.files[0])]
         lead = before[len(before) - start.n_files :]
         found += unpacked(identify_log(piece.log, settings, start=start, lead=lead).packed)
-        start = advance(piece.log, settings, start)
+        start = advance(piece.log, settings, start, TimeLimit())
         assert start.n_files * seconds < 60 + seconds  # a window that is open while a device is lost
     assert plain(found) == plain(expected)
 
@@ -225,9 +229,9 @@ def test_run_that_has_grown_is_continued(
     monkeypatch.setattr(catalog, "PIECE_BYTES", 200_000)
     advanced: list[str] = []
 
-    def counted(log: Any, settings: Settings, start: PieceStart) -> PieceStart:
+    def counted(log: Any, settings: Settings, start: PieceStart, limit: TimeLimit) -> PieceStart:
         advanced.append(str(log))
-        return advance(log, settings, start)
+        return advance(log, settings, start, limit)
 
     monkeypatch.setattr(tasks, "advance", counted)
     archive = Archive(client, tmp_path / "log", tmp_path / "out")
@@ -267,6 +271,64 @@ def test_state_behind_the_only_complete_piece_is_kept(
     assert archive.n_states == 1
 
 
+@pytest.mark.usefixtures("one_file_each")
+def test_damage_before_a_piece_costs_no_window_of_it(
+    items: list[Item], attached: dict[str, str], settings: Settings, tmp_path: Path
+) -> None:
+    """The file before it is damaged after the advance; if it cannot be read, the next run tries again."""
+    writer = write_run(tmp_path / "log", items[: 2 * _SHORTEST], attached, 7.0)
+    writer.close()
+    lead, rest = writer.paths[0], writer.paths[1:]
+    start = advance(lead, settings, PieceStart(), TimeLimit())
+    assert start.n_files == 1
+    damage(lead)
+    piece = PartedLog(tuple(rest))
+    found = identify_log(piece, settings, start=start, lead=[lead])
+    assert (found.n_windows, found.problem) == (1, None)
+    lead.unlink()
+    found = identify_log(piece, settings, start=start, lead=[lead])
+    assert (found.n_windows, found.retry) == (0, True)
+
+
+def damage(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 255
+    path.write_bytes(content)
+
+
+@pytest.mark.usefixtures("one_file_each")
+def test_limit_of_time_bounds_the_advance(
+    items: list[Item], attached: dict[str, str], settings: Settings, tmp_path: Path
+) -> None:
+    """The reason is returned, and no state that begins anew as after damage."""
+    writer = write_run(tmp_path / "log", items[:_SHORTEST], attached, 60.0)
+    writer.close()
+    [log] = find_logs([str(tmp_path)])
+    found = tasks.advance_task(log.pieces[0], attached["site.toml"], 1e-9, PieceStart())
+    assert found == f"{log.name}: was not analysed within 1e-09 s: the rest is left out"
+    assert isinstance(tasks.advance_task(log.pieces[0], attached["site.toml"], 60.0, PieceStart()), PieceStart)
+
+
+def test_state_that_cannot_be_unpacked_is_no_state(tmp_path: Path) -> None:
+    """As after an update of a library: the file is whole, but its objects are not known."""
+    path = tmp_path / "state"
+    write_start(path, PieceStart(after_damage=True))
+    assert read_start(path) == PieceStart(after_damage=True)
+    write_start(path, PieceStart(state=zstandard.compress(b"cnumpy.absent\narray\n.")))
+    assert read_start(path) is None
+    write_start(path, PieceStart(state=b"not compressed"))
+    assert read_start(path) is None
+
+
+def test_state_belongs_to_the_code_of_all_its_classes(settings: Settings) -> None:
+    """Modules of this program in a packed state: their content is part of the head of its file."""
+    state = zstandard.decompress(RunState(assembler=assembler_of(settings)).pack())
+    names = {arg.split(" ")[0] for _, arg, _ in pickletools.genops(state) if isinstance(arg, str)}
+    modules = {sys.modules[name] for name in names if name.startswith(("daq.", "monitor.")) and name in sys.modules}
+    assert {module.__name__ for module in modules} >= {"daq.types", "daq.timing.resampling"}
+    assert {Path(str(module.__file__)) for module in modules} <= set(code_files())
+
+
 @pytest.mark.thorough
 @pytest.mark.usefixtures("one_file_each")
 def test_damaged_file_costs_the_windows_up_to_the_next_piece(
@@ -278,9 +340,7 @@ def test_damaged_file_costs_the_windows_up_to_the_next_piece(
     writer.close()
     intact = find_logs([str(tmp_path / "log")])[0]
     damaged = next(k for k, path in enumerate(writer.paths) if _holds(path, DeviceFailed.topic))
-    content = bytearray(writer.paths[damaged].read_bytes())
-    content[len(content) // 2] ^= 255
-    writer.paths[damaged].write_bytes(content)
+    damage(writer.paths[damaged])
     found = archive.reanalyse()
     problems = {k: piece.problem for k, piece in enumerate(found) if piece.problem}
     assert problems.keys() == {damaged}
