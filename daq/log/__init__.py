@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from daq.log.mcap_log import log_start as log_start
     from daq.log.mcap_log import read_attachments as read_attachments
     from daq.log.mcap_log import read_log as read_log
+    from daq.log.mcap_log import read_part as read_part
     from daq.log.naming import as_logs as as_logs
     from daq.log.naming import newest_log as newest_log
     from daq.log.parts import BEGINNING as BEGINNING

@@ -22,7 +22,8 @@ class StoredFile:
     """Object with a URL (`s3://`, `gs://` and what else fsspec knows), in place of a path to a log file.
 
     A range is requested only when it is read: the plan of a run requests the beginning and the end of a log, the
-    identification each part once.
+    identification of a short log each part once. A piece of a long log is requested twice, by the advance and by the
+    identification, and its last files once more, by the identification of the next piece.
     """
 
     url: str
@@ -222,7 +223,7 @@ def _piece(files: Sequence[Path], size: int, digest: str) -> LogPiece:
 
 
 def _content(path: Path) -> tuple[bytes, int]:
-    """Return what identifies the content of a file, and its size [bytes]."""
+    """Return what identifies the content of a file, and its size [bytes]; a local file is read to its end."""
     if isinstance(path, StoredFile):
         return f"{path.url}\n{path.size}\n{path.version}\n".encode(), path.size
     with reading(path, ArgumentError.of_file("ARCHIVE")), path.open("rb") as file:

@@ -2,11 +2,12 @@
 
 import hashlib
 import json
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from daq import LogError, read_attachments
-from daq.log import log_start
+from daq.log import log_start, read_part
 from monitor.archive.catalog import ArchiveLog, LogPiece
 from monitor.errors import MonitorError
 from monitor.settings import attached_structure, has_settings, parse_attached
@@ -16,27 +17,32 @@ from updater import UpdaterError
 
 @dataclass(frozen=True, kw_only=True)
 class LogTexts:
-    """Attachments of a log that its analysis depends on."""
+    """Attachments of a log that its analysis depends on, and what identifies its run."""
 
     site: str
     structure: str
     memory: str = ""
     start: int = 0  #: time of the first scan [ns UTC]
+    run: str = ""  #: hash of what identifies the run in all of its files; empty if the file is not one of a run
 
 
 def texts_of(log: ArchiveLog, site: LogTexts | None) -> LogTexts | str:
     """Return what a log is analysed with, or the reason why it cannot be."""
     try:
-        attached, start = read_attachments(log.files[0]), _start(log)
+        attached, start, run = read_attachments(log.files[0]), _start(log), _run(log)
     except LogError as error:
         return str(error)
     memory = attached.get(MEMORY, "")
     if site:
-        return replace(site, memory=memory, start=start)
+        return replace(site, memory=memory, start=start, run=run)
     if not has_settings(attached):
         return "has no settings attached: give --site"
     texts = LogTexts(
-        site=attached["site.toml"], structure=attached.get("structure.toml", ""), memory=memory, start=start
+        site=attached["site.toml"],
+        structure=attached.get("structure.toml", ""),
+        memory=memory,
+        start=start,
+        run=run,
     )
     problem = _problem(texts.site, texts.structure)
     return f"has settings that cannot be used: {problem}" if problem else texts
@@ -45,6 +51,11 @@ def texts_of(log: ArchiveLog, site: LogTexts | None) -> LogTexts | str:
 def _start(log: ArchiveLog) -> int:
     """Return the time of the first scan [ns UTC]; 0 if there is none."""
     return next((time for path in log.files if (time := log_start(path)) is not None), 0)
+
+
+def _run(log: ArchiveLog) -> str:
+    part = read_part(log.files[0])
+    return hashlib.sha256(part.run.encode()).hexdigest()[:16] if part else ""
 
 
 @lru_cache(maxsize=64)
@@ -73,9 +84,21 @@ def _site_name(site: str, structure: str) -> str:
 
 
 def steps_key(piece: LogPiece, texts: LogTexts) -> str:
-    """Return the hash that the steps of a piece depend on: its content, the settings of its analysis, this program."""
-    depends = {"version": VERSION, "log": piece.key, **_analysis(texts.site)}
-    return hashlib.sha256(json.dumps(depends).encode()).hexdigest()[:32]
+    """Return what the steps of a piece depend on: run, content, and a hash of the settings and of this program."""
+    depends = {"version": VERSION, **_analysis(texts.site)}
+    return f"{texts.run or 'single'}-{piece.key}-{hashlib.sha256(json.dumps(depends).encode()).hexdigest()[:16]}"
+
+
+def is_obsolete(key: str, present: Mapping[str, Collection[str]]) -> bool:
+    """Return whether a key of steps, with any settings, is that of a piece that its run no longer has.
+
+    Parameters
+    ----------
+    key : as `steps_key` makes it
+    present : run -> keys of its pieces; of other runs nothing is known
+    """
+    run, _, rest = key.partition("-")
+    return run in present and rest.partition("-")[0] not in present[run]
 
 
 @lru_cache(maxsize=64)

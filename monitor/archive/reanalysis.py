@@ -3,7 +3,7 @@
 A log is a run of a monitor, of any number of files. It is divided into pieces of whole files, from its beginning on:
 when the run continues, only the last piece changes. Each piece is two tasks. Its identification depends on the log
 alone; the steps that it returns (`steps`) are kept by the hash of the content up to there and of the settings that they
-depend on: a repeated run identifies only what is new. Its evaluation (`evaluation`) continues in the middle of the log,
+depend on: a repeated run identifies only what is new. Those of pieces that a run no longer has are removed. Its evaluation (`evaluation`) continues in the middle of the log,
 or from the state at the end of the log before it, as a monitor does after a restart.
 
 A piece is identified from the state of the run where it begins (`run_state`). A third kind of task, the advance, finds
@@ -17,7 +17,7 @@ pieces are identified. The state of a site is held here between two tasks: no wo
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -29,7 +29,7 @@ from daq import McapWriter
 from monitor.archive.catalog import ArchiveLog, LogPiece
 from monitor.archive.dataset import keep_parts, write_tables
 from monitor.archive.evaluation import EvaluatedLog, WatchState, unevaluated
-from monitor.archive.log_texts import LogTexts, site_name, steps_key
+from monitor.archive.log_texts import LogTexts, is_obsolete, site_name, steps_key
 from monitor.archive.run_state import PieceStart, read_start, write_start
 from monitor.archive.steps import LogSteps, no_steps, read_steps, write_steps
 from monitor.archive.tasks import Task, Tasks
@@ -367,4 +367,14 @@ def reanalyse(
                 sites[name] = _Site(name=name, results=stack.enter_context(SiteResults(out / "sites" / name)))
             run.add(log, texts, sites[name])
         run.run()
-    keep_parts(out, {piece.key for log, _ in logs for piece in log.pieces}, {*sites, _NO_SITE})
+    with _writing(out):
+        keep_parts(out, {piece.key for log, _ in logs for piece in log.pieces}, {*sites, _NO_SITE})
+        _remove_obsolete(out, {texts.run: {each.key for each in log.pieces} for log, texts in readable if texts.run})
+
+
+def _remove_obsolete(out: Path, present: Mapping[str, Collection[str]]) -> None:
+    """Remove steps and states of pieces that these runs no longer have, as after files were deleted."""
+    for name in ("steps", "states"):
+        for path in (out / name).iterdir():
+            if is_obsolete(path.stem, present):
+                path.unlink(missing_ok=True)

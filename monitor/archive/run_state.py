@@ -29,8 +29,8 @@ from monitor.watch import pipeline
 
 _LEVEL = 3  # of compression
 # errors of a file, and of bytes that another version of Python or of a library has written
-_UNREADABLE = (OSError, pickle.UnpicklingError, zstandard.ZstdError, EOFError, ImportError, AttributeError)
-_UNREADABLE += (LookupError, TypeError, ValueError)
+_UNREADABLE: tuple[type[Exception], ...] = (OSError, pickle.UnpicklingError, zstandard.ZstdError, EOFError, ImportError)
+_UNREADABLE += (AttributeError, LookupError, TypeError, ValueError)
 
 
 class TimeLimit:

@@ -18,7 +18,18 @@ from daq import Block, Event, Flag, Item, Recording, read_attachments, read_log
 from daq.events import DeviceFailed
 from daq.log import PartedLog, RotatingWriter, Rotation, as_logs
 from monitor.analysis.window import IdentifiedWindow, RecordedWindow
-from monitor.archive import AnalysedLog, LogTexts, catalog, evaluation, find_logs, reanalyse, steps, tasks, texts_of
+from monitor.archive import (
+    AnalysedLog,
+    LogTexts,
+    catalog,
+    evaluation,
+    find_logs,
+    reanalyse,
+    steps,
+    steps_key,
+    tasks,
+    texts_of,
+)
 from monitor.archive.evaluation import WatchState, evaluate_log
 from monitor.archive.run_state import PieceStart, RunState, TimeLimit, advance, code_files, read_start, write_start
 from monitor.archive.steps import Packer, Step, identify_log, unpacked
@@ -269,6 +280,41 @@ def test_state_behind_the_only_complete_piece_is_kept(
     archive = Archive(client, tmp_path / "log", tmp_path / "out")
     assert len(archive.reanalyse()) == 2
     assert archive.n_states == 1
+
+
+@pytest.mark.usefixtures("one_file_each")
+def test_steps_of_deleted_files_are_removed(
+    client: Client, items: list[Item], attached: dict[str, str], tmp_path: Path
+) -> None:
+    """When the oldest file of a run is deleted; those of other runs and of the same pieces with other settings stay."""
+    writer = write_run(tmp_path / "log", items[:_SHORTEST], attached, 5.0)
+    writer.close()
+    out = tmp_path / "out"
+    archive = Archive(client, tmp_path / "log", out)
+    archive.reanalyse()
+    before = names(out)
+    writer.paths[0].unlink()
+    [log] = find_logs([str(tmp_path / "log")])
+    texts = texts_of(log, None)
+    assert isinstance(texts, LogTexts)
+    other_run = steps_key(log.pieces[0], replace(texts, run="0" * 16))
+    shorter = replace(texts, site=texts.site.replace("window_seconds = 15.0", "window_seconds = 14.0"))
+    other_settings = steps_key(log.pieces[0], shorter)
+    assert other_settings != steps_key(log.pieces[0], texts)
+    for name in (other_run, other_settings):
+        (out / "steps" / name).touch()
+    done = archive.reanalyse()
+    assert not any(piece.kept for piece in done)
+    after = names(out)
+    assert not after & before
+    assert {name for name in after if name.startswith("steps")} == {
+        f"steps/{name}" for name in (other_run, other_settings, *(steps_key(each, texts) for each in log.pieces))
+    }
+    assert all(piece.kept for piece in archive.reanalyse())
+
+
+def names(out: Path) -> set[str]:
+    return {path.relative_to(out).as_posix() for name in ("steps", "states") for path in (out / name).iterdir()}
 
 
 @pytest.mark.usefixtures("one_file_each")
