@@ -3,8 +3,9 @@
 A log is a run of a monitor, of any number of files. It is divided into pieces of whole files, from its beginning on:
 when the run continues, only the last piece changes. Each piece is two tasks. Its identification depends on the log
 alone; the steps that it returns (`steps`) are kept by the hash of the content up to there and of the settings that they
-depend on: a repeated run identifies only what is new. Those of pieces that a run no longer has are removed. Its evaluation (`evaluation`) continues in the middle of the log,
-or from the state at the end of the log before it, as a monitor does after a restart.
+depend on: a repeated run identifies only what is new. Those of pieces that a run no longer has are removed. Its
+evaluation (`evaluation`) continues in the middle of the log, or from the state at the end of the log before it, as a
+monitor does after a restart.
 
 A piece is identified from the state of the run where it begins (`run_state`). A third kind of task, the advance, finds
 it from the state at the piece before, in order but several times faster than an identification: so the pieces of one
