@@ -18,7 +18,7 @@ Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")
 GROUP_UNCERTAINTY = 0.03  # as of a material
 _SHORTEST = 1e-5  # m, of a member: ends nearer than a tenth of it are one node
-_RIGID = 1e6  # stiffness of a fixed support relative to that of the ground that it stands on
+_RIGID = 1e6  # flexibility of the grounds that a fixed support stands on, relative to its own
 _ALONG = 1e-6  # sine of the least angle between a member and its local y axis
 
 
@@ -341,12 +341,10 @@ class Entries(Entry):
         return tuple(self._grounded(support) for support in self.support) if self.ground else self.support
 
     def _grounded(self, support: Support) -> Support:
-        moved = {
-            axis: _RIGID * part.stiffness
-            for part in self.ground
-            for axis, motion in zip(AXES, part.motion(support.at), strict=True)
-            if motion and axis in support.fixed
-        }
+        motion = np.array([part.motion(support.at) for part in self.ground])
+        motion[np.abs(motion) < ON_MEMBER] = 0.0  # a lever by rounding
+        flexibility = motion.T**2 @ [1 / part.stiffness for part in self.ground]
+        moved = {a: _RIGID / f for a, f in zip(AXES, flexibility.tolist(), strict=True) if f and a in support.fixed}
         fixed = tuple(axis for axis in support.fixed if axis not in moved)
         return support.model_copy(update={"fixed": fixed, "stiffness": {**support.stiffness, **moved}})
 

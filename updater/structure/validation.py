@@ -62,6 +62,8 @@ def check_names(structure: Entries) -> None:
         for at in ground.at:
             if at not in supports:
                 raise ValueError(f"ground along {ground.axis}: there is no support at {list(at)}")
+            if ground.at.count(at) > 1:
+                raise ValueError(f"ground along {ground.axis}: the support at {list(at)} is given twice")
     for crack in structure.breathing_crack:
         _known("breathing_crack at", str(list(crack.at)), "member", crack.member, names)
     for joint in structure.joint:

@@ -66,6 +66,56 @@ def test_slab_under_both_feet_has_the_modes_of_another_model(axis: int) -> None:
     np.testing.assert_allclose(model.modes(6).frequency, expected, rtol=3e-3)
 
 
+ROCKER = """
+name = "rocker"
+[material.light]
+youngs_modulus = 2e15
+shear_modulus = 8e14
+density = 1e-6
+[section.s]
+area = 1e-4
+second_moment = [1e-7, 1e-7]
+torsion_constant = 1e-7
+[[member]]
+name = "beam"
+from = [0, 0, 0]
+to = [1, 0, 0]
+material = "light"
+section = "s"
+elements = 1
+[[support]]
+at = [0, 0, 0]
+fixed = ["x", "y", "z", "rx", "rz"]
+[[support]]
+at = [0.02, 0, 0]
+fixed = ["z"]
+[[body]]
+at = [1, 0, 0]
+mass = 2.0
+[[ground]]
+at = [[0, 0, 0], [0.02, 0, 0]]
+axis = "ry"
+mass = 3.0
+frequency = 2.0
+"""
+
+
+def test_feet_near_the_axis_of_a_rocking_ground_turn_with_it() -> None:
+    """2 kg at 0.99 m from the axis, on 3 kg m2 at 2 Hz. Both feet are 10 mm from the axis."""
+    found = build_model(parse_structure(ROCKER)).modes(1).frequency[0]
+    assert found == pytest.approx(2.0 * np.sqrt(3.0 / (3.0 + 2.0 * 0.99**2)), rel=1e-5)
+
+
+def test_foot_on_two_grounds_does_not_depend_on_their_order() -> None:
+    at = (t_frame().support[0].at,)
+    stiff = Ground(at=at, axis="x", mass=1e5, frequency=300.0)
+    soft = Ground(at=at, axis="x", mass=1e-3, frequency=3.0)
+    one, other = (t_frame().model_copy(update={"ground": both}) for both in ((stiff, soft), (soft, stiff)))
+    np.testing.assert_allclose(*(build_model(structure).modes(6).frequency for structure in (one, other)), rtol=1e-6)
+    for structure in (one, other):
+        assert structure.grounded_supports[0].stiffness["x"] == pytest.approx(1e6 * soft.stiffness)
+
+
 def test_floor_under_all_supports_restrains_nothing_of_a_determinate_structure() -> None:
     ground = Ground(at=((0.0, 0.0, 0.0),), axis="x", mass=10.0, frequency=20.0)
     assert self_stress(build_model(t_frame().model_copy(update={"ground": (ground,)}))).n == 0
@@ -79,4 +129,10 @@ def test_ground_is_written_and_read_back() -> None:
 def test_ground_without_a_support_is_refused() -> None:
     text = t_structure_toml() + '\n[[ground]]\nat = [[0, 0, 1]]\naxis = "x"\nmass = 1\nfrequency = 1\n'
     with pytest.raises(StructureError, match=r"ground along x: there is no support at \[0.0, 0.0, 1.0\]"):
+        parse_structure(text)
+
+
+def test_support_given_twice_is_refused() -> None:
+    text = ROD.replace("at = [[0, 0, 0]]\n", "at = [[0, 0, 0], [0, 0, 0]]\n")
+    with pytest.raises(StructureError, match=r"ground along x: the support at \[0.0, 0.0, 0.0\] is given twice"):
         parse_structure(text)
