@@ -1,5 +1,6 @@
 """Physical parameters of a structure that may be fitted, with their priors."""
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -589,7 +590,8 @@ def joint_segments(structure: Structure, knob: ModelParameter, factor: float) ->
 def joint_zones(structure: Structure, knob: ModelParameter) -> list[tuple[Member, float, float]]:
     """Return the members that meet at a joint, and from where to where along each a zone of it reaches [m].
 
-    A weld reaches from the joint as far as a member is thick, a block from there on.
+    A weld reaches from the joint as far as a member is thick, a block from there on. Both end half-way to the next
+    joint of the member.
     """
     found = []
     for member in structure.member:
@@ -599,9 +601,26 @@ def joint_zones(structure: Structure, knob: ModelParameter) -> list[tuple[Member
             inner, outer = min(_THICK * radius, most), min(_BLOCK * radius, most)
             beyond = [(s - outer, s - inner), (s + inner, s + outer)]
             zones = beyond if knob.kind == "block" else [(s - inner, s + inner)]
-            cut = [(max(start, 0.0), min(end, member.length)) for start, end in zones]
+            least, greatest = _half_way(structure, member, knob.at, 2 * outer)
+            cut = [(max(start, least), min(end, greatest)) for start, end in zones]
             found += [(member, start, end) for start, end in cut if end - start > ON_MEMBER]
     return found
+
+
+def _half_way(structure: Structure, member: Member, at: Vector, reach: float) -> tuple[float, float]:
+    """Return half-way from a joint to the joints before and after it on a member, or the member's ends [m].
+
+    Parameters
+    ----------
+    at : place of the joint [m]
+    reach : distance within which other joints are sought [m]
+    """
+    ends = {end for other in structure.member for end in (other.start, other.end) if math.dist(end, at) < reach}
+    joints = [end for end in ends if member.passes(end) and sum(other.passes(end) for other in structure.member) > 1]
+    s, *others = (math.dist(joint, member.start) for joint in (at, *joints))
+    before = [(s + other) / 2 for other in others if other < s - ON_MEMBER]
+    after = [(s + other) / 2 for other in others if other > s + ON_MEMBER]
+    return max(before, default=0.0), min(after, default=member.length)
 
 
 def _sprung(support: Support, axis: Axis, spring: float) -> Support:

@@ -4,6 +4,8 @@ The stiffness beyond the joint zone stands for the block: no crack and no furthe
 not measured are predicted better.
 """
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,21 @@ from updater import Cause, dump_structure, parse_structure, t_structure_toml
 from updater.quantities import ParameterChange
 from updater.structure import apply_parameters, model_parameters_of
 
+LADDER = """
+name = "ladder"
+[material.m]
+youngs_modulus = 2.1e11
+shear_modulus = 8e10
+density = 7850
+[section.s]
+area = 1e-3
+second_moment = [8.3e-8, 8.3e-8]
+torsion_constant = 1.4e-7
+[[support]]
+at = [0, 0, 0]
+fixed = ["x", "y", "z", "rx", "ry", "rz"]
+"""
+BAR = '[[member]]\nname = "{}"\nfrom = {}\nto = {}\nmaterial = "m"\nsection = "s"\nelements = 4'
 N_USED, N_UNUSED = 8, 4
 REFUSED = {10}  # draws without an answer
 FOOT_REFUSED = {2}
@@ -35,6 +52,23 @@ def test_block_is_written_beyond_the_weld() -> None:
     assert [s.extent for s in outer] == [half] * 3
     assert outer[0].at[2] == pytest.approx(column - 0.75 * inner.extent, abs=1e-6)
     assert sorted(abs(s.at[0]) for s in outer[1:]) == pytest.approx([0.75 * inner.extent] * 2, abs=1e-6)
+
+
+def test_zones_of_neighbouring_joints_end_half_way_between_them() -> None:
+    """Beams meet a column 40 mm apart; a block reaches 4 x 9.1 mm from its joint."""
+    ends = {
+        "column": ([0, 0, 0], [0, 0, 1.5]),
+        "lower": ([0, 0, 0.8], [1, 0, 0.8]),
+        "upper": ([0, 0, 0.84], [0, 1, 0.84]),
+    }
+    members = [BAR.format(name, *points) for name, points in ends.items()]
+    structure = parse_structure("\n".join([LADDER, *members]))
+    zones = [knob for knob in model_parameters_of(structure, of_file=True) if knob.kind in {"weld", "block"}]
+    written = apply_parameters(structure, zones, np.array([0.5 if knob.kind == "weld" else 1.0 for knob in zones]))
+    spans = sorted((s.at[2] - s.extent / 2, s.at[2] + s.extent / 2) for s in written.segment if s.member == "column")
+    assert len(spans) == 6
+    assert all(start > end - 2e-6 for (_, end), (start, _) in pairwise(spans))  # places are rounded
+    assert [spans[2][1], spans[3][0]] == pytest.approx([0.82, 0.82], abs=2e-6)
 
 
 @pytest.mark.parametrize(
