@@ -33,6 +33,7 @@ _PARTS = 8  # of a block, each weighted by the power of its signals
 _SEGMENTS, _LOOKS = 24, 3  # of half a record for its spectral matrix, at least: in all, and per channel
 _FEWEST_CHANNELS = 3
 _AT_ONCE = 2000  # lines whose matrices are in memory
+_KEPT = 16_000_000  # elements of the matrices of the first whitening, 128 MB; more are made anew each time
 ONE_AXIS = 0.1  #: flexibility about an axis, over that about the most affected one, from which it is tested
 PROBABLE = 10.0  #: of log density: a less probable place is left out
 _LEAST = 1e-9  # of the power at a line, added to every channel
@@ -142,13 +143,8 @@ class SignalWindow:
         eigenvalues = np.linalg.eigvalsh(spectral_matrix(data, rate, segment))
         noise = np.maximum(np.quantile(eigenvalues, _NOISE, axis=1), _LEAST * eigenvalues.sum(1))
         self._noise = 0.5 * self.n * rate * noise[self._nearest(segment)]  #: (n_lines,) power in each channel
-        #: (n_lines, n_channels, n_channels) by which spectra are whitened first
-        self._root = np.concatenate(
-            [
-                np.linalg.inv(np.linalg.cholesky(covariance)).astype(np.complex64)
-                for covariance in self._covariances(state, self._force(state))
-            ]
-        )
+        self._first = state, self._force(state)  #: model by which spectra are whitened first
+        self._kept = list(self._new_roots()) if len(self._lines) * data.shape[1] ** 2 <= _KEPT else None
         self._data = self._signal(self._prewhitened(self._measured))
         halves = np.array_split(np.arange(self.n), 2)
         self._fades = [self._faded(half) for half in halves]
@@ -293,9 +289,16 @@ class SignalWindow:
         """Return the lines in parts whose matrices are in memory at once."""
         return np.array_split(np.arange(len(self._lines)), 1 + len(self._lines) // _AT_ONCE)
 
+    def _new_roots(self) -> Iterator[ComplexArray]:
+        """Yield the matrices (n_lines, n_channels, n_channels) of the first whitening, one part of lines at a time."""
+        for covariance in self._covariances(*self._first):
+            yield np.linalg.inv(np.linalg.cholesky(covariance)).astype(np.complex64)
+
     def _prewhitened(self, spectrum: ComplexArray) -> ComplexArray:
         """Return a spectrum (n_lines, n_channels) that is whitened by the model."""
-        return np.asarray((self._root @ spectrum[:, :, None])[:, :, 0])
+        roots = self._new_roots() if self._kept is None else self._kept
+        white = [(root @ spectrum[part, :, None])[:, :, 0] for part, root in zip(self._parts(), roots, strict=True)]
+        return np.concatenate(white)
 
     def _whitened(self, half: int, spectrum: ComplexArray) -> ComplexArray:
         """Return the product (n_lines, n_channels) of a spectrum with the inverse spectral matrix of the other half."""
