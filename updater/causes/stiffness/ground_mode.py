@@ -164,8 +164,11 @@ class GroundMode(Discrete):
 def propose_ground_mode(reference: Reference, comparison: Comparison) -> GroundMode | None:
     """Return grounds under each foot and under all of them, by axis; none without a mode that the reference has not.
 
-    None of very many members or of matrices.
+    None of very many members or of matrices, nor against a file without reference logs, where it was not measured how
+    often one is named wrongly.
     """
+    if reference.of_file:
+        return None
     new = comparison.new
     unknown = not_known(reference, comparison) if new is not None else np.empty(0, np.intp)
     grounds = _grounds(reference.structure) if len(unknown) and may_be_cut(reference.structure) else []
