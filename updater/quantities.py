@@ -190,6 +190,11 @@ class ParameterChange(PlainValue):
         return self.significant or self.at_bound
 
     @property
+    def written(self) -> bool:
+        """True if the written file differs from the one given: by a spring, or by digits that are known."""
+        return self.before is None or rounded_value(self.after, self.std) != self.before
+
+    @property
     def significant(self) -> bool:
         """True if it differs from `before` by more than two standard deviations; not at a bound.
 

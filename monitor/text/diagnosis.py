@@ -100,7 +100,7 @@ def exchanged_text(found: ExchangedSections) -> str:
 def effective_texts(causes: Sequence[Cause]) -> list[str]:
     """Return which fitted parameters of the file stand for a deformation that a frame of beams does not have."""
     found: dict[str, list[str]] = {}
-    for change in (change for cause in causes for change in cause.changes if cause.where is None and change.listed):
+    for change in (change for cause in causes for change in cause.changes if cause.where is None and change.written):
         if meaning := _effective_meaning(change):
             found.setdefault(meaning, []).append(change.name)
     return [
