@@ -111,7 +111,8 @@ def test_foot_on_two_grounds_does_not_depend_on_their_order() -> None:
     stiff = Ground(at=at, axis="x", mass=1e5, frequency=300.0)
     soft = Ground(at=at, axis="x", mass=1e-3, frequency=3.0)
     one, other = (t_frame().model_copy(update={"ground": both}) for both in ((stiff, soft), (soft, stiff)))
-    np.testing.assert_allclose(*(build_model(structure).modes(6).frequency for structure in (one, other)), rtol=1e-6)
+    first, second = (build_model(structure).modes(6).frequency for structure in (one, other))
+    np.testing.assert_allclose(first, second, rtol=1e-6)
     for structure in (one, other):
         assert structure.grounded_supports[0].stiffness["x"] == pytest.approx(1e6 * soft.stiffness)
 
