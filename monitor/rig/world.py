@@ -182,7 +182,7 @@ class World:
         return tuple(origin + round((sample - LEAD) / self.rate * 1e9) for sample in begins)
 
     def keep_up(self, time: int) -> None:
-        """Simulate until a time [ns UTC], whether anybody looks or not."""
+        """Simulate until a time [ns UTC], whether or not motion is requested."""
         while self._n_simulated < self.sample(time):
             self._advance()
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 from scipy.optimize import minimize
+from scipy.signal import welch
 
 from daq import FloatArray
 from daq.drivers import EPSON_SCALE
@@ -13,6 +14,7 @@ from tests.support.monitor.rig import ORIGIN, nominal, t_frame
 from tests.support.thorough import few_of
 from updater import Body, Model, build_model, parse_structure
 from updater.fe import Modes
+from updater.structure import Ground
 
 MODES = range(8)
 HEAVY = Body(at=(0.25, 0.0, 1.48), mass=0.304)
@@ -133,6 +135,23 @@ def test_two_bodies_are_added_one_after_the_other() -> None:
     both, first = world.motion(change - 100, change + 1000, 1), one.motion(change - 100, change + 1000, 1)
     np.testing.assert_array_equal(both[:100], first[:100])
     assert np.abs(both[100:] - first[100:]).max() > 1e-4
+
+
+def test_ground_below_the_foot_is_played() -> None:
+    """40 kg at 24 Hz: one more peak, where the frequency of the truth's additional mode is."""
+    structure = t_frame()
+    ground = Ground(at=tuple(foot.at for foot in structure.support), axis="x", mass=40.0, frequency=24.0)
+    heights = []
+    for grounds in ((ground,), ()):
+        world = World(structure.model_copy(update={"ground": grounds}), nominal(4))
+        world.begin(ORIGIN)
+        along = np.concatenate([world.motion(k * 2000, (k + 1) * 2000, 5)[:, 0] for k in range(2, 18)])
+        frequency, power = welch(along, world.rate, nperseg=8000)
+        near = np.abs(frequency - 23.6) < 1.1
+        heights.append(power[near].max() / np.median(power[(frequency > 15) & (frequency < 35)]))
+    print(f"peak over the median of 15 to 35 Hz: {heights}")
+    assert heights[0] > 5
+    assert heights[1] < 5
 
 
 def test_body_that_comes_little_by_little_is_there_at_the_end() -> None:
