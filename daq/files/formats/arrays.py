@@ -117,7 +117,7 @@ def read_arrays(path: Path, time: str | None = None, transposed: bool | None = N
 
 
 def _stated_matrix(arrays: dict[str, Any]) -> Any:  # noqa: ANN401 - whatever the file holds
-    """Take the matrix with one of its names out of arrays; a vector ``y`` beside an ``x`` as long is a channel."""
+    """Take the matrix with one of its names out of arrays; a vector ``y`` with an ``x`` as long is a channel."""
     sizes = [np.size(array) for array in arrays.values()]
     for name in (name for name in _DATA if name in arrays):
         shape = np.shape(arrays[name])

@@ -12,6 +12,35 @@ from updater import Body, Model, Structure, build_model, parse_structure, t_stru
 from updater.fe import Modes
 from updater.structure import Joint, Support
 
+#: rod without mass of 1e5 N/m from a clamp to 2 kg, which move along it alone
+ROD = """
+name = "rod"
+[material.light]
+youngs_modulus = 1e9
+shear_modulus = 4e8
+density = 1e-6
+[section.s]
+area = 1e-4
+second_moment = [1e-7, 1e-7]
+torsion_constant = 1e-7
+[[member]]
+name = "rod"
+from = [0, 0, 0]
+to = [1, 0, 0]
+material = "light"
+section = "s"
+elements = 1
+[[support]]
+at = [0, 0, 0]
+fixed = ["x", "y", "z", "rx", "ry", "rz"]
+[[support]]
+at = [1, 0, 0]
+fixed = ["y", "z", "rx", "ry", "rz"]
+[[body]]
+at = [1, 0, 0]
+mass = 2.0
+"""
+
 ALL: tuple[Literal["x", "y", "z", "rx", "ry", "rz"], ...] = ("x", "y", "z", "rx", "ry", "rz")
 N_MODES = 8
 

@@ -5,37 +5,13 @@ import pytest
 
 from tests.examiner.designs import PORTAL
 from tests.examiner.models.frame import Floor, Frame
+from tests.support.updater.frames import ROD
 from tests.support.updater.reference_frame import t_frame
 from updater import StructureError, build_model, dump_structure, parse_structure, t_structure_toml
 from updater.fe import self_stress
 from updater.structure import AXES, Ground
 
-ROD = """
-name = "rod"
-[material.light]
-youngs_modulus = 1e9
-shear_modulus = 4e8
-density = 1e-6
-[section.s]
-area = 1e-4
-second_moment = [1e-7, 1e-7]
-torsion_constant = 1e-7
-[[member]]
-name = "rod"
-from = [0, 0, 0]
-to = [1, 0, 0]
-material = "light"
-section = "s"
-elements = 1
-[[support]]
-at = [0, 0, 0]
-fixed = ["x", "y", "z", "rx", "ry", "rz"]
-[[support]]
-at = [1, 0, 0]
-fixed = ["y", "z", "rx", "ry", "rz"]
-[[body]]
-at = [1, 0, 0]
-mass = 2.0
+ON_GROUND = f"""{ROD}
 [[ground]]
 at = [[0, 0, 0]]
 axis = "x"
@@ -46,7 +22,7 @@ frequency = 20.0
 
 def test_foot_on_a_floor_matches_two_masses_in_series() -> None:
     """2 kg on k = EA/L = 1e5 N/m, on 3 kg at 20 Hz. The fixed foot is held a million times as stiff as the floor."""
-    found = build_model(parse_structure(ROD), mass="consistent").modes(2).frequency
+    found = build_model(parse_structure(ON_GROUND), mass="consistent").modes(2).frequency
     k, m, own, spring = 1e5, 2.0, 3.0, 3.0 * (40 * np.pi) ** 2
     sum_, product = k / m + (k + spring) / own, k * spring / (m * own)
     np.testing.assert_allclose(found, np.sort(np.sqrt(np.roots([1, -sum_, product]))) / (2 * np.pi), rtol=1e-5)
@@ -123,7 +99,7 @@ def test_floor_under_all_supports_restrains_nothing_of_a_determinate_structure()
 
 
 def test_ground_is_written_and_read_back() -> None:
-    structure = parse_structure(ROD)
+    structure = parse_structure(ON_GROUND)
     assert parse_structure(dump_structure(structure)).ground == structure.ground
 
 
@@ -134,6 +110,6 @@ def test_ground_without_a_support_is_refused() -> None:
 
 
 def test_support_given_twice_is_refused() -> None:
-    text = ROD.replace("at = [[0, 0, 0]]\n", "at = [[0, 0, 0], [0, 0, 0]]\n")
+    text = ON_GROUND.replace("at = [[0, 0, 0]]\n", "at = [[0, 0, 0], [0, 0, 0]]\n")
     with pytest.raises(StructureError, match=r"ground along x: the support at \[0.0, 0.0, 0.0\] is given twice"):
         parse_structure(text)

@@ -3,36 +3,12 @@
 import numpy as np
 import pytest
 
+from tests.support.updater.frames import ROD
 from tests.support.updater.reference_frame import t_frame
 from updater import StructureError, build_model, dump_structure, parse_structure, t_structure_toml
 from updater.structure import Oscillator
 
-ROD = """
-name = "rod"
-[material.light]
-youngs_modulus = 1e9
-shear_modulus = 4e8
-density = 1e-6
-[section.s]
-area = 1e-4
-second_moment = [1e-7, 1e-7]
-torsion_constant = 1e-7
-[[member]]
-name = "rod"
-from = [0, 0, 0]
-to = [1, 0, 0]
-material = "light"
-section = "s"
-elements = 1
-[[support]]
-at = [0, 0, 0]
-fixed = ["x", "y", "z", "rx", "ry", "rz"]
-[[support]]
-at = [1, 0, 0]
-fixed = ["y", "z", "rx", "ry", "rz"]
-[[body]]
-at = [1, 0, 0]
-mass = 2.0
+WITH_OSCILLATOR = f"""{ROD}
 [[oscillator]]
 at = [1, 0, 0]
 direction = [3, 0, 0]
@@ -43,7 +19,7 @@ frequency = 30.0
 
 def test_two_masses_in_series_match_the_closed_form() -> None:
     """k = EA/L = 1e5 N/m holds 2 kg, and 100 g are attached at 30 Hz."""
-    found = build_model(parse_structure(ROD), mass="consistent").modes(2).frequency
+    found = build_model(parse_structure(WITH_OSCILLATOR), mass="consistent").modes(2).frequency
     k, m, own, spring = 1e5, 2.0, 0.1, 0.1 * (60 * np.pi) ** 2
     sum_, product = (k + spring) / m + spring / own, k * spring / (m * own)
     omega2 = np.roots([1, -sum_, product])
@@ -72,13 +48,13 @@ def test_oscillator_acts_as_a_rigid_body_across_its_direction() -> None:
 
 
 def test_oscillator_is_written_and_read_back() -> None:
-    structure = parse_structure(ROD)
+    structure = parse_structure(WITH_OSCILLATOR)
     assert parse_structure(dump_structure(structure)) == structure
     other = Oscillator(at=(0.5, 0, 0), direction=(0, 1, 0), mass=1, frequency=2)
     more = structure.model_copy(update={"oscillator": (*structure.oscillator, other)})
-    text = dump_structure(more, ROD, note="found")
+    text = dump_structure(more, WITH_OSCILLATOR, note="found")
     assert parse_structure(text) == more
-    assert text.startswith(ROD.rstrip())
+    assert text.startswith(WITH_OSCILLATOR.rstrip())
 
 
 @pytest.mark.parametrize(
@@ -90,7 +66,7 @@ def test_oscillator_is_written_and_read_back() -> None:
     ],
 )
 def test_invalid_oscillator_is_named_in_the_error(old: str, new: str, message: str) -> None:
-    assert old in ROD
+    assert old in WITH_OSCILLATOR
     with pytest.raises(StructureError) as caught:
-        parse_structure(ROD.replace(old, new))
+        parse_structure(WITH_OSCILLATOR.replace(old, new))
     assert message in str(caught.value)
