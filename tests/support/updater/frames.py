@@ -12,8 +12,8 @@ from updater import Body, Model, Structure, build_model, parse_structure, t_stru
 from updater.fe import Modes
 from updater.structure import Joint, Support
 
-#: rod without mass of 1e5 N/m from a clamp to 2 kg, which move along it alone
-ROD = """
+#: line of 1 m without mass, 1e5 N/m along
+LINE = """
 name = "rod"
 [material.light]
 youngs_modulus = 1e9
@@ -30,6 +30,10 @@ to = [1, 0, 0]
 material = "light"
 section = "s"
 elements = 1
+"""
+
+#: it holds 2 kg, which move along it alone, from a clamp
+ROD = f"""{LINE}
 [[support]]
 at = [0, 0, 0]
 fixed = ["x", "y", "z", "rx", "ry", "rz"]

@@ -96,10 +96,9 @@ def test_effective_parameters_are_stated(quantity: str, of: str, after: float, m
     assert [meaning in text and text.startswith("Effective: one. ") for text in texts] == [True] * bool(meaning)
 
 
-@pytest.mark.parametrize(("after", "stated"), [(1.4, True), (1.001, False)])
-def test_zone_within_two_deviations_is_stated_if_it_is_written(after: float, stated: bool) -> None:
-    """A factor of 1.001 +- 0.3 is written as 1."""
-    zone = ParameterChange(
+def factor_beyond_joint(after: float, std: float) -> ParameterChange:
+    """Return a change from 1."""
+    return ParameterChange(
         name="beam.block",
         quantity="stiffness factor beyond the joint zone",
         of="beam",
@@ -107,24 +106,21 @@ def test_zone_within_two_deviations_is_stated_if_it_is_written(after: float, sta
         unit="-",
         before=1.0,
         after=after,
-        std=0.3,
+        std=std,
     )
+
+
+@pytest.mark.parametrize(("after", "stated"), [(1.4, True), (1.001, False)])
+def test_zone_within_two_deviations_is_stated_if_it_is_written(after: float, stated: bool) -> None:
+    """A factor of 1.001 +- 0.3 is written as 1."""
+    zone = factor_beyond_joint(after, 0.3)
     assert not zone.listed
     assert bool(effective_texts([FILE_CAUSE.model_copy(update={"changes": (zone,)})])) is stated
 
 
 def test_zone_as_good_as_rigid_is_significant() -> None:
     """A factor of 12 +- 16: the flexibility left is 0.08 +- 0.11 of the file's, eight deviations from it."""
-    zone = ParameterChange(
-        name="beam.block",
-        quantity="stiffness factor beyond the joint zone",
-        of="beam",
-        position=(0.0, 0.0, 1.0),
-        unit="-",
-        before=1.0,
-        after=12.0,
-        std=16.0,
-    )
+    zone = factor_beyond_joint(12.0, 16.0)
     assert zone.deviations == pytest.approx(8.25)
     assert zone.listed
 

@@ -5,7 +5,7 @@ import pytest
 
 from tests.examiner.designs import PORTAL
 from tests.examiner.models.frame import Floor, Frame
-from tests.support.updater.frames import ROD
+from tests.support.updater.frames import LINE, ROD
 from tests.support.updater.reference_frame import t_frame
 from updater import StructureError, build_model, dump_structure, parse_structure, t_structure_toml
 from updater.fe import self_stress
@@ -42,23 +42,8 @@ def test_slab_under_both_feet_has_the_modes_of_another_model(axis: int) -> None:
     np.testing.assert_allclose(model.modes(6).frequency, expected, rtol=3e-3)
 
 
-ROCKER = """
-name = "rocker"
-[material.light]
-youngs_modulus = 2e15
-shear_modulus = 8e14
-density = 1e-6
-[section.s]
-area = 1e-4
-second_moment = [1e-7, 1e-7]
-torsion_constant = 1e-7
-[[member]]
-name = "beam"
-from = [0, 0, 0]
-to = [1, 0, 0]
-material = "light"
-section = "s"
-elements = 1
+STIFF = LINE.replace("1e9", "2e15").replace("4e8", "8e14")
+ROCKER = f"""{STIFF}
 [[support]]
 at = [0, 0, 0]
 fixed = ["x", "y", "z", "rx", "rz"]
