@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from daq.errors import DeviceLost as DeviceLost
     from daq.errors import DriverError as DriverError
     from daq.errors import LogError as LogError
-    from daq.files.dataframe import read_dataframe as read_dataframe
     from daq.files.export import export_recording as export_recording
     from daq.files.export import write_recording as write_recording
     from daq.files.export import write_recordings as write_recordings

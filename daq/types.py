@@ -5,12 +5,15 @@ from dataclasses import dataclass, field, replace
 from enum import IntFlag
 from functools import reduce
 from math import ceil
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from daq.notebook import html_table, utc_text
+
+if TYPE_CHECKING:
+    import pandas
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -140,6 +143,32 @@ class Recording:
             raise ValueError(f"data: expected (n_samples, {len(self.channels)}), found {self.data.shape}")
         if not self.rate > 0:
             raise ValueError(f"rate: expected a positive number of Hz, found {self.rate}")
+
+    @classmethod
+    def from_dataframe(
+        cls, frame: "pandas.DataFrame", *, rate: float | None = None, unit: str | None = None
+    ) -> "Recording":
+        """Return a table of pandas as a recording: each column is a channel, the index is the time.
+
+        Parameters
+        ----------
+        frame : (n_samples, n_channels); its index holds dates (UTC where they state no zone), time differences or
+            seconds; missing rows and NaN are gaps. A column of temperatures, as `temperature [degC]`, is the
+            recording's temperature and no channel
+        rate : samples per second [Hz], for a table without times; numbers in its index are then not used
+        unit : unit of all channels, such as `g`. Default: by the names of the columns, as `top_x [mg]`, else m/s2
+
+        Raises
+        ------
+        DataError
+            Naming the column and the row of a value that is no number, or the row of a time that is not on an even
+            grid; also if there is no channel, or two columns have the same name.
+        ValueError
+            If the rate is not positive, or the unit unknown.
+        """
+        from daq.files.dataframe import read_dataframe  # the readers of files import this type, not the reverse
+
+        return read_dataframe(frame, rate=rate, unit=unit)
 
     def __repr__(self) -> str:
         return f"Recording({len(self.channels)} channels, {self.duration:.4g} s at {self.rate:g} Hz)"

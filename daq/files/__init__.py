@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from daq.files.columns.units import acceleration as acceleration
     from daq.files.columns.units import parse_sensitivity as parse_sensitivity
     from daq.files.columns.units import parse_unit as parse_unit
-    from daq.files.dataframe import read_dataframe as read_dataframe
     from daq.files.export import with_channels as with_channels
     from daq.files.export import write_recording as write_recording
     from daq.files.formats.mat import read_mat as read_mat

@@ -22,22 +22,7 @@ _SOURCE = Path("dataframe")  # named in errors
 
 
 def read_dataframe(frame: "pandas.DataFrame", *, rate: float | None = None, unit: str | None = None) -> Recording:
-    """Return a table as a recording: each column is a channel, the index is the time.
-
-    Parameters
-    ----------
-    frame : its index holds dates (UTC where they state no zone), time differences or seconds; missing rows and NaN are
-        gaps. A column of temperatures, as `temperature [degC]`, is the recording's temperature
-    rate : samples per second [Hz], for a table without times; numbers in its index are then not used
-    unit : unit of all channels, such as `g`. Default: by the names of the columns, as `top_x [mg]`, else m/s2
-
-    Raises
-    ------
-    DataError
-        Naming the column and the row of a value that is no number, or the row of a time that is not on an even grid.
-    ValueError
-        If the rate is not positive, or the unit unknown.
-    """
+    """Return a table as a recording, as `Recording.from_dataframe` documents."""
     options = DataOptions(rate=rate, factor=None if unit is None else _factor(unit))
     names = [str(name) for name in frame.columns]
     if len(set(names)) < len(names):

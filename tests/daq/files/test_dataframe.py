@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from daq import DataError, read_dataframe
+from daq import DataError, Recording
 
 START = 1767225600_000000000  # 2026-01-01
 N, RATE = 200, 50.0
@@ -28,7 +28,7 @@ def table(index: object = None) -> pd.DataFrame:
     ],
 )
 def test_index_gives_rate_and_start(index: pd.Index, start: int) -> None:
-    found = read_dataframe(table(index))
+    found = Recording.from_dataframe(table(index))
     assert (found.rate, found.start) == (RATE, start)
     assert [channel.name for channel in found.channels] == ["top_x", "top_y"]
     np.testing.assert_array_equal(found.data, SIGNALS)
@@ -36,25 +36,25 @@ def test_index_gives_rate_and_start(index: pd.Index, start: int) -> None:
 
 def test_table_without_times_needs_the_rate() -> None:
     for index in (None, pd.Index(np.full(N, 7.0))):
-        found = read_dataframe(table(index), rate=25.0)
+        found = Recording.from_dataframe(table(index), rate=25.0)
         assert (found.rate, found.start) == (25.0, 0)
     for dates in (DATES, DATES[:0]):
         with pytest.raises(DataError, match="index: holds times, leave out rate"):
-            read_dataframe(table(DATES).reindex(dates), rate=25.0)
+            Recording.from_dataframe(table(DATES).reindex(dates), rate=25.0)
 
 
 def test_units_are_given_or_in_the_names() -> None:
-    np.testing.assert_allclose(read_dataframe(table(), rate=RATE, unit="g").data, 9.80665 * SIGNALS)
+    np.testing.assert_allclose(Recording.from_dataframe(table(), rate=RATE, unit="g").data, 9.80665 * SIGNALS)
     named = table().set_axis(["top_x [mg]", "top_y"], axis=1)
-    found = read_dataframe(named, rate=RATE)
+    found = Recording.from_dataframe(named, rate=RATE)
     assert [channel.name for channel in found.channels] == ["top_x", "top_y"]
     np.testing.assert_allclose(found.data, SIGNALS * [9.80665e-3, 1.0])
     with pytest.raises(ValueError, match=r"unit: expected one of m/s2, .*found 'furlong'"):
-        read_dataframe(table(), rate=RATE, unit="furlong")
+        Recording.from_dataframe(table(), rate=RATE, unit="furlong")
 
 
 def test_temperatures_are_no_channel() -> None:
-    found = read_dataframe(table().assign(**{"temperature [degC]": 21.5}), rate=RATE)
+    found = Recording.from_dataframe(table().assign(**{"temperature [degC]": 21.5}), rate=RATE)
     assert len(found.channels) == 2
     assert found.temperature == pytest.approx(21.5)
 
@@ -62,7 +62,7 @@ def test_temperatures_are_no_channel() -> None:
 def test_missing_rows_and_cells_are_gaps() -> None:
     frame = table(DATES)
     frame.iloc[7, 1] = np.nan
-    found = read_dataframe(frame.drop(frame.index[20:25]))
+    found = Recording.from_dataframe(frame.drop(frame.index[20:25]))
     expected = SIGNALS.copy()
     expected[7, 1] = np.nan
     expected[20:25] = np.nan
@@ -72,7 +72,7 @@ def test_missing_rows_and_cells_are_gaps() -> None:
 
 def test_nullable_and_integer_columns_are_numbers() -> None:
     frame = pd.DataFrame({"a": pd.array([1, None, 3], "Int64"), "b": [1, 2, 3]})
-    np.testing.assert_array_equal(read_dataframe(frame, rate=1.0).data, [[1, 1], [np.nan, 2], [3, 3]])
+    np.testing.assert_array_equal(Recording.from_dataframe(frame, rate=1.0).data, [[1, 1], [np.nan, 2], [3, 3]])
 
 
 @pytest.mark.parametrize("bad", ["x", np.inf, pd.Timestamp(0)])
@@ -80,7 +80,7 @@ def test_value_that_is_no_number_is_named_with_column_and_row(bad: object) -> No
     frame = table().astype(object)
     frame.iloc[12, 1] = bad
     with pytest.raises(DataError, match="dataframe: column 'top_y', row 12: expected a number, found"):
-        read_dataframe(frame, rate=RATE)
+        Recording.from_dataframe(frame, rate=RATE)
 
 
 @pytest.mark.parametrize(
@@ -102,4 +102,4 @@ def test_value_that_is_no_number_is_named_with_column_and_row(bad: object) -> No
 )
 def test_error_names_what_is_wrong(frame: pd.DataFrame, message: str) -> None:
     with pytest.raises(DataError, match=f"^dataframe: {message}"):
-        read_dataframe(frame)
+        Recording.from_dataframe(frame)
