@@ -28,7 +28,6 @@ from updater.quantities import (
 )
 
 if TYPE_CHECKING:
-    from updater import MassChange, Structure
     from updater.localization import AccuracyForecast
 
 _SPOKEN = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180 / math.pi, "degrees"), "1/K": (100.0, "%/K")}
@@ -411,20 +410,6 @@ def _place_text(place: MassAnswer | OtherPlace) -> str:
         f"{number_text(1000 * abs(place.mass), 1000 * place.mass_std)} g {what} on the {place.member} "
         f"at ({x:.3f}, {y:.3f}, {z:.3f}) m ± {1000 * place.position_std:.0f} mm{share}"
     )
-
-
-def open_question(structure: "Structure", change: "MassChange") -> str:
-    """Return the remaining ambiguity of a located mass; empty if there is only one place."""
-    if change.is_unique:
-        return ""
-    one, other = change.alternatives[:2]
-    which = "left or right" if one.mirrors(other, structure) else "where"
-    places = " or ".join(
-        f"{a.member} at {a.distance:.3f} m with {rounded_text(1e3 * a.mass, 1e3 * a.mass_std)} g "
-        f"({100 * a.probability:.0f} %)"
-        for a in change.alternatives
-    )
-    return f"{which}: not distinguishable; {places}"
 
 
 def forecast_text(forecast: "AccuracyForecast", mass_std: float) -> str:

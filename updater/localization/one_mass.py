@@ -9,12 +9,10 @@ from updater.causes import AddedMass, propose_added_mass
 from updater.inference import Fit, Place, PositionPosterior, compare, fit
 from updater.modal_data import ModalMean
 from updater.reference import Reference
-from updater.structure import Structure
 
 MODEL_ERRORS = (0.01, 0.03)  # relative to a mode's typical displacement: error of the reference, at best and at worst
 FITS = 0.05  # of chi-square, under which the larger one is tried
 _WORTH_SAYING = 0.05  # probability of a second place that must not be kept back
-_MIRRORED = 0.05  # m: how nearly two places of a member must be mirror images to be called left and right
 _LEARNT = 0.7  # times the prior's deviation: a larger posterior deviation means that the data have no information
 
 
@@ -37,11 +35,6 @@ class Alternative:
     mass: float  #: [kg]
     mass_std: float  #: [kg]
     probability: float  #: probability of the place [-]
-
-    def mirrors(self, other: "Alternative", structure: Structure) -> bool:
-        """Return whether the two places of a member are mirror images."""
-        length = structure.member_named(self.member).length
-        return self.member == other.member and abs(self.distance + other.distance - length) < _MIRRORED
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

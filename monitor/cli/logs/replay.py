@@ -22,14 +22,15 @@ def replay(
     given: Overrides = None,
     force: Force = False,
 ) -> int:
-    """Repeat the analysis of a log at full speed.
+    r"""Repeat the analysis of a log at full speed.
 
     Results are compared with the live ones. With --from the baseline is learned from that time on, and
     nothing is compared. A table of modes of another program (CSV, MAT; one row per window) is monitored too.
 
     Example:
     modalwatch replay run.mcap
-    modalwatch replay days.mcap --site site.toml -o watched.mcap --set alarm.hold_windows=3
+    modalwatch replay days.mcap --site site.toml -o watched.mcap \
+        --set alarm.hold_windows=3
     modalwatch replay modes.csv -o watched.mcap
     """
     from monitor.analysis.time_range import time_range

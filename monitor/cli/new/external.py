@@ -37,13 +37,14 @@ def external(
     out: Annotated[Path, Option("--out", "-o", metavar="FILE", help="File to write.")] = Path("structure.toml"),
     force: Force = False,
 ) -> int:
-    """Write a structure file for matrices of another program.
+    r"""Write a structure file for matrices of another program.
 
     The matrices go into one .npz file next to it, with groups and the faces of shells and solids. Then edit the
     structure file: members along which masses are sought, sensors and their channels.
 
     Example:
-    modalwatch new external strip.sti strip.mas --nodes strip.inp --doubled root=doubled.sti -o strip.toml
+    modalwatch new external strip.sti strip.mas --nodes strip.inp \
+        --doubled root=doubled.sti -o strip.toml
     modalwatch new external kgg.op4 mgg.op4 --nodes model.bdf -o model.toml
     """
     from monitor.cli.new.external_file import write_external

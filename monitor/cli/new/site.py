@@ -26,14 +26,16 @@ def site(
     window: Annotated[float, Option(metavar="S", help="Length of a window of analysis [s].")] = 600.0,
     force: Force = False,
 ) -> int:
-    """Write a commented SITE.toml for the sensors of a structure.
+    r"""Write a commented SITE.toml for the sensors of a structure.
 
     One device is assumed at each place of sensors. A terminal prompts for the driver and the ports that are not
     given.
 
     Example:
-    modalwatch new site structure.toml --driver epson-uart --port /dev/ttyUSB0 --port /dev/ttyUSB1
-    modalwatch new site structure.toml --driver epson-can --can slcan:/dev/ttyACM0 -o bridge.toml
+    modalwatch new site structure.toml --driver epson-uart \
+        --port /dev/ttyUSB0 --port /dev/ttyUSB1
+    modalwatch new site structure.toml --driver epson-can \
+        --can slcan:/dev/ttyACM0 -o bridge.toml
     """
     from monitor.cli.new.site_file import write_site
 

@@ -79,15 +79,18 @@ def structure(
     ] = False,
     force: Force = False,
 ) -> int:
-    """Write a commented structure file to begin with.
+    r"""Write a commented structure file to begin with.
 
     A terminal prompts for what is not given. Then edit the file: sections, supports, sensors and their
     channels.
 
     Example:
-    modalwatch new structure portal --height 2 --length 3 --section box:0.06,0.04,0.003
-    modalwatch new structure portal --height 2 --length 3 --section box:0.06,0.04,0.003 --channels before.mcap
-    modalwatch new structure cantilever --height 1 --section circle:0.02 --sensor A1=column:0.5:x --sensor A2=column:1:y
+    modalwatch new structure portal --height 2 --length 3 \
+        --section box:0.06,0.04,0.003
+    modalwatch new structure portal --height 2 --length 3 \
+        --section box:0.06,0.04,0.003 --channels before.mcap
+    modalwatch new structure cantilever --height 1 --section circle:0.02 \
+        --sensor A1=column:0.5:x --sensor A2=column:1:y
     """
     from monitor.cli.new import structure_file as work
 

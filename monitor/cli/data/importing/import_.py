@@ -96,13 +96,15 @@ def import_(
     counter: Annotated[str | None, Option(metavar="SIGNAL", help="Signal of CAN traffic that counts scans.")] = None,
     force: Force = False,
 ) -> int:
-    """Convert files of measurements to a log.
+    r"""Convert files of measurements to a log.
 
     One column per channel, named as its sensor.
 
     Example:
-    modalwatch import numbers.txt -o before.mcap --columns t,top_x,top_y --unit mV --sensitivity '100 mV/g'
-    modalwatch import logger/*.csv -o days.mcap --structure structure.toml --new-site site.toml
+    modalwatch import numbers.txt -o before.mcap --columns t,top_x,top_y \
+        --unit mV --sensitivity '100 mV/g'
+    modalwatch import logger/*.csv -o days.mcap \
+        --structure structure.toml --new-site site.toml
     """
     from daq import DataOptions, read_attachments
     from daq.files import CAN_LOGS, is_table

@@ -53,15 +53,18 @@ def response(
     force: Force = False,
     json: Json = None,
 ) -> int:
-    """Estimate motion and stresses where there is no sensor.
+    r"""Estimate motion and stresses where there is no sensor.
 
     Of the vibration in the band of the measured modes; static parts and slow motion are not contained. Each value has a
     standard deviation. Fatigue: rainflow counts of the nominal stress, and the life if the vibration stays as recorded.
 
     Example:
-    modalwatch response structure.toml now.mcap --reference before.mcap --at beam:0.1:z:displacement
-    modalwatch response structure.toml now.mcap --reference before.mcap --stress column:0.05 --detail 80
-    modalwatch response structure.toml now.mcap --reference before.mcap --predict-sensors
+    modalwatch response structure.toml now.mcap --reference before.mcap \
+        --at beam:0.1:z:displacement
+    modalwatch response structure.toml now.mcap --reference before.mcap \
+        --stress column:0.05 --detail 80
+    modalwatch response structure.toml now.mcap --reference before.mcap \
+        --predict-sensors
     """
     from monitor.analysis.time_range import time_range
     from monitor.cli.data.response.estimation import Request, estimate_response
