@@ -33,4 +33,5 @@ from updater.causes.sensors.position import SensorPosition as SensorPosition
 from updater.causes.stiffness.connections import CONNECTIONS as CONNECTIONS
 from updater.causes.stiffness.connections import Springs as Springs
 from updater.causes.stiffness.local_stiffness import LocalStiffness as LocalStiffness
+from updater.causes.stiffness.other_connections import other_springs as other_springs
 from updater.causes.stretches import Stretches as Stretches

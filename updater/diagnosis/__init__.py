@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from updater.diagnosis.schema import Misfit as Misfit
     from updater.diagnosis.schema import ModeFit as ModeFit
     from updater.diagnosis.schema import NextMeasurement as NextMeasurement
+    from updater.diagnosis.schema import OtherStiffness as OtherStiffness
     from updater.diagnosis.schema import Pair as Pair
     from updater.diagnosis.schema import ReferenceStep as ReferenceStep
     from updater.diagnosis.schema import Rejected as Rejected

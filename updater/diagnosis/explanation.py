@@ -32,6 +32,7 @@ from updater.diagnosis.naming import (
     named_causes,
     rejected_causes,
     shares,
+    with_other_connections,
     with_place_names,
 )
 from updater.diagnosis.next_measurement import next_measurement, smallest_changes
@@ -48,7 +49,7 @@ from updater.diagnosis.revised_reference import (
     with_removed_bodies,
     with_unchanged_springs,
 )
-from updater.diagnosis.schema import Diagnosis, Failed, NextMeasurement, Separation, SmallestChange, Verdict
+from updater.diagnosis.schema import Cause, Diagnosis, Failed, NextMeasurement, Separation, SmallestChange, Verdict
 from updater.diagnosis.search import (
     beside_the_file,
     closer,
@@ -379,6 +380,7 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
     if any(CATALOGUE[name].of_the_file for name in best.names):
         named = each_once(tuple(as_written(cause, extended, calibration.nominal) for cause in named))
     named = tuple(with_place_names(cause, case.reference.structure) for cause in named)
+    named = tuple(_with_others(case, cause, left_open) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
     faults = case.weighing.faults
     written = faults.attempt(
@@ -414,6 +416,17 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
         calibration=calibration if case.bare else None,
         removed=tuple(body for _, body in removed),
     )
+
+
+def _with_others(case: Case, cause: Cause, left_open: Sequence[Candidate]) -> Cause:
+    """Return a cause with the changes of connections like its own since the reference; a file has no such state."""
+    if case.reference.of_file:
+        return cause
+    structure = case.reference.structure
+    found = case.weighing.faults.attempt(
+        "the other connections", lambda: with_other_connections(cause, case.data, left_open, structure)
+    )
+    return found or cause
 
 
 def _smallest(case: Case, chosen: Sequence[SelectedCause]) -> tuple[SmallestChange, ...]:

@@ -15,8 +15,10 @@ from updater.causes import (
     Parametric,
     Placed,
     SelectedCause,
+    Springs,
     has_unobserved_mode,
     mac_of,
+    other_springs,
     prediction,
 )
 from updater.diagnosis.places import by_place
@@ -30,6 +32,7 @@ from updater.diagnosis.schema import (
     MassTestFit,
     Misfit,
     ModeFit,
+    OtherStiffness,
     Pair,
     PairedModes,
     Reason,
@@ -477,6 +480,43 @@ def with_place_names(cause: Cause, structure: Structure) -> Cause:
     """Return a cause with the names of its places and its alternatives', and of the parameters that they change."""
     alternatives = tuple(other.model_copy(update=_place_names(other, structure)) for other in cause.alternatives)
     return cause.model_copy(update=_place_names(cause, structure) | {"alternatives": alternatives})
+
+
+def with_other_connections(
+    cause: Cause, data: Comparison, left_open: "Sequence[Candidate]", structure: Structure
+) -> Cause:
+    """Return a cause at a foot, bearing or joint with the changes of those like it, as far as the data determine them.
+
+    Parameters
+    ----------
+    data : compared
+    left_open : candidates of the answer, the best first
+    structure : that was diagnosed
+    """
+    places = CONNECTIONS[cause.cause](structure) if cause.cause in CONNECTIONS else ()
+    if cause.where is None or len(places) < 2:
+        return cause
+    with_it = (
+        (candidate.chosen, one)
+        for candidate in left_open
+        for one in candidate.chosen
+        if isinstance(one.cause, Springs) and _is_at(one.cause.connections[one.row], cause.where)
+    )
+    chosen, named = next(with_it)
+    return cause.model_copy(
+        update={
+            "others": tuple(
+                OtherStiffness(
+                    name=place_name(structure, one.connection.at),
+                    position=one.connection.at,
+                    parameter=f"stiffness_{one.axis}",
+                    change_percent=100 * one.change,
+                    std_percent=100 * one.std,
+                )
+                for one in other_springs(data, chosen, named)
+            )
+        }
+    )
 
 
 def _place_names(cause: FittedCause, structure: Structure) -> dict[str, object]:

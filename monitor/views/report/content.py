@@ -25,6 +25,7 @@ from monitor.text.causes import (
     increment_text,
     lost_modes_text,
     mass_text,
+    other_texts,
     parameter_texts,
     predicted_text,
     probability_text,
@@ -371,11 +372,16 @@ def _cause_rows(cause: Cause, diagnosis: DiagnosisAnswer) -> list[dict[str, Any]
                 "probability": probability_text(cause),
                 "where": where_text(one.where) or ("–" if name in fitted else "not fitted"),
                 "parameters": parameter_texts(one),
-                "further": [text for text in (further_changes_text(further_changes(one)), breathing_text(one)) if text],
+                "further": list(filter(None, _further(one))),
                 "check": check if check not in diagnosis.next_measurement else "",
             }
         )
     return rows
+
+
+def _further(cause: FittedCause) -> list[str]:
+    """Return the lines below the parameters of a cause, some of them empty."""
+    return [further_changes_text(further_changes(cause)), breathing_text(cause), *other_texts(cause)]
 
 
 def _fit(number: int, mode: ModeFit) -> dict[str, str]:

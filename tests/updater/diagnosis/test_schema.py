@@ -22,7 +22,8 @@ KINDS = {
     "unexplained": (204, Change(gain=tuple((c, 0.6) for c in ("col_037_x", "col_074_y", "beam_left_z", "beam_mid_y")))),
 }
 FACTORS = ("global_stiffness", "global_density")
-OWN = {"probability", "cannot_be_told_from", "alternatives", "breathing", "signals"}  # keys that alternatives have not
+#: keys that alternatives have not
+OWN = {"probability", "cannot_be_told_from", "alternatives", "breathing", "signals", "others"}
 CAUSE = OWN | {"cause", "where", "parameters", "changes", "advice"}
 BREATHING = {"share", "open_time", "p_value", "law", "opening", "heldout"}
 OPENING = {"member", "position", "axis", "flexibility", "closed", "mean", "moment", "opens"}

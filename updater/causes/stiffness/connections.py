@@ -70,7 +70,7 @@ class Springs(Discrete):
     def repeats(self, other: Self, row: int) -> BoolArray:
         """Return the alternatives with one of the springs of alternative `row`: a spring changes once."""
         same = [
-            axes == other.axes[row] and _same(connection, other.connections[row])
+            axes == other.axes[row] and same_connection(connection, other.connections[row])
             for connection, axes in zip(self.connections, self.axes, strict=True)
         ]
         return np.asarray(np.array(same) & (self.active & other.active[row]).any(1), bool)
@@ -187,6 +187,13 @@ class Springs(Discrete):
         stiffness = _stiffness(self.connections[row])[axis]
         return float(self.before_std[row, self.axes[row].index(axis)]) * stiffness**2
 
+    def own_flexibility(self, row: int) -> FloatArray:
+        """Return the parameter (3,) that adds to each spring as much flexibility as it had; 0 about a rigid axis."""
+        stiffness = _stiffness(self.connections[row])
+        return np.array(
+            [u / stiffness.get(axis, np.inf) for u, axis in zip(self.unit[row], self.axes[row], strict=True)]
+        )
+
     def flexibility(self, row: int, theta: FloatArray) -> dict[str, float]:
         """Return the flexibility of the springs that an alternative changes, by the key and in the unit of each."""
         connection = self.connections[row]
@@ -215,7 +222,10 @@ class Springs(Discrete):
         """Write the new stiffnesses."""
         found = self.connections[row]
         kind = "joint" if isinstance(found, Joint) else "support"
-        parts = [self._changed(part, row, theta) if _same(part, found) else part for part in getattr(structure, kind)]
+        parts = [
+            self._changed(part, row, theta) if same_connection(part, found) else part
+            for part in getattr(structure, kind)
+        ]
         return structure.model_copy(update={kind: tuple(parts)})
 
     def _changed(self, connection: Support | Joint, row: int, theta: FloatArray) -> Support | Joint:
@@ -263,7 +273,8 @@ def _stiffness(connection: Support | Joint) -> dict[Axis, float]:
     return dict(connection.stiffness.items())
 
 
-def _same(one: Support | Joint, other: Support | Joint) -> bool:
+def same_connection(one: Support | Joint, other: Support | Joint) -> bool:
+    """Return whether two entries are the same foot, bearing or joint, with whatever springs."""
     return one.at == other.at and getattr(one, "member", None) == getattr(other, "member", None)
 
 

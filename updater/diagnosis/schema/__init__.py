@@ -14,6 +14,7 @@ from updater.diagnosis.schema.values import Measurement as Measurement
 from updater.diagnosis.schema.values import Misfit as Misfit
 from updater.diagnosis.schema.values import ModeFit as ModeFit
 from updater.diagnosis.schema.values import NextMeasurement as NextMeasurement
+from updater.diagnosis.schema.values import OtherStiffness as OtherStiffness
 from updater.diagnosis.schema.values import Pair as Pair
 from updater.diagnosis.schema.values import PairedModes as PairedModes
 from updater.diagnosis.schema.values import Reason as Reason

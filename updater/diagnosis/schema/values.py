@@ -32,6 +32,16 @@ class SignalEvidence(PlainValue):
     decides: bool  #: whether another cause, or no change, is more probable by the modes alone
 
 
+class OtherStiffness(PlainValue):
+    """Stiffness of a foot, bearing or joint like one that changed."""
+
+    name: str  #: name of the place, such as `foot of the left post`; empty if it has none
+    position: Vector  #: [m]
+    parameter: str  #: such as `stiffness_ry`
+    change_percent: float  #: change of the stiffness since the reference [%]
+    std_percent: float  #: [%]
+
+
 class Cause(FittedCause):
     """One accepted cause."""
 
@@ -40,6 +50,7 @@ class Cause(FittedCause):
     alternatives: tuple[Alternative, ...] = ()  #: fitted causes of `cannot_be_told_from`
     breathing: Breathing | None = None  #: opening and closing of a loss of stiffness; None if not tested
     signals: SignalEvidence | None = None  #: None for causes that the signals add no evidence to
+    others: tuple[OtherStiffness, ...] = ()  #: feet, bearings or joints like it, as far as the data determine them
 
 
 class Rejected(PlainValue):

@@ -25,6 +25,7 @@ from monitor.text.causes import (
     left_over_text,
     lost_modes_text,
     missed_text,
+    other_texts,
     probability_text,
     unmeasured_text,
 )
@@ -138,7 +139,7 @@ def _cause_lines(cause: Cause, *, checks: bool, known: str) -> Iterator[str]:
     for name, text in zip((cause.cause, *cause.cannot_be_told_from), (cause_text(cause), *others), strict=True):
         first = name == cause.cause
         yield f"  {'' if first else 'or '}[bold]{escape(text)}[/]{probability if first else ''}"
-        for further in (further_changes_text(further_changes(cause)), breathing_text(cause)):
+        for further in (further_changes_text(further_changes(cause)), breathing_text(cause), *other_texts(cause)):
             if first and further:
                 yield f"    {escape(further)}"
         check = advice.get(name, "")
