@@ -72,7 +72,7 @@ def _split(candidate: Candidate) -> list[Candidate]:
 def _at(candidate: Candidate, number: int, part: Fit[Cause], share: float) -> Candidate:
     """Return a candidate with one of its causes at one place, which has a share of its posterior."""
     chosen, parts = list(candidate.chosen), list(candidate.parts)
-    chosen[number] = replace(chosen[number], row=part.best, theta=part.theta[part.best])
+    chosen[number] = SelectedCause(part.hypotheses, part.best, part.theta[part.best])  # of the fit's own places
     parts[number] = part
     evidence = candidate.log_evidence + float(np.log(share))
     return replace(candidate, chosen=tuple(chosen), parts=tuple(parts), log_evidence=evidence)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +14,10 @@ from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Body, Model, Reference, build_model, learn_reference, matched, stack_tracks
 from updater.causes import AddedMass, SelectedCause, propose_added_mass
 from updater.diagnosis.combinations import Compositions, likeliest_pair
+from updater.diagnosis.places import by_place
 from updater.diagnosis.relaxation import relaxed_with_body
-from updater.diagnosis.weighing import EvidenceComparison
-from updater.inference import compare
+from updater.diagnosis.weighing import Candidate, EvidenceComparison
+from updater.inference import Fit, compare
 
 TRACK = np.arange(8)
 GAIN = np.ones(12)
@@ -150,6 +152,30 @@ def weighing_of_draw(cell: str, seed: int, *allowed: str) -> EvidenceComparison:
     print(f"{cell}, seed {seed}")
     done = draw(cell, seed).done
     return replace(weighing_of(done.before, done.after, seed), allowed=allowed)
+
+
+def test_cause_at_each_of_two_places_has_the_alternatives_of_its_fit(learnt: tuple[Reference, Model]) -> None:
+    """The fit may have more places than the alternatives that the search had, as after a scan along a ridge."""
+    reference, bare = learnt
+    windows = [measure(bare, np.random.default_rng((5, k)), GAIN) for k in range(5)]
+    event = matched(reference.baseline, reference.mean_of(stack_tracks(windows, [TRACK] * 5)))
+    grid = propose_added_mass(reference, compare(reference, event))
+    rows = [grid.nearest(member, at) + k for member, at in ((0, 0.7), (1, 0.1)) for k in range(2)]
+    fine, _ = grid.between(np.array(rows), 4)
+    n, n_parameters = len(fine.position), len(fine.prior_std)
+    part: Fit[Any] = Fit(
+        hypotheses=fine,
+        theta=np.full((n, n_parameters), 0.1),
+        covariance=np.tile(1e-6 * np.eye(n_parameters), (n, 1, 1)),
+        chi_square=np.zeros(n),
+        log_density=-fine.log_prior,
+        freedom=1.0,
+        frequency_residual=np.zeros((n, 8)),
+    )
+    chosen = SelectedCause(grid, rows[0], part.theta[0])
+    both = by_place([Candidate(chosen=(chosen,), parts=(part,), log_evidence=0.0, p_value=0.5, chi_square=0.0)])
+    places = [one.cause.position[one.row] for (one,) in (c.chosen for c in both) if isinstance(one.cause, AddedMass)]
+    assert sorted(places) == pytest.approx([0.1, 0.7], abs=0.05)
 
 
 def test_loss_about_one_axis_is_found_with_a_body_that_moves_its_best_place() -> None:
