@@ -1,6 +1,7 @@
 """Output on the terminal, control characters shown as escapes, and progress of long work."""
 
 import os
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any, Literal
 import typer
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, ConsoleDimensions
+from rich.file_proxy import FileProxy
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
 from rich.table import Table
@@ -54,13 +56,15 @@ def keep_stdout_free() -> None:
 
 
 def echo(text: str, *, nl: bool = True, err: bool = False) -> None:
-    """Print a text without markup, its control characters as escapes."""
-    typer.echo(printable(text), nl=nl, err=err or console.stderr)
+    """Print a text without markup, its control characters as escapes; above a progress bar that is shown."""
+    above_bar = sys.stdout if isinstance(sys.stdout, FileProxy) else None  # typer prints to the stream behind it
+    other = err or console.stderr
+    typer.echo(printable(text), file=None if other else above_bar, nl=nl, err=other)
 
 
 def warn(text: str) -> None:
     """Print a text that needs attention, in yellow."""
-    console.print(text, style="yellow", soft_wrap=True, markup=False)
+    console.print(text, style="yellow", markup=False)
 
 
 SPEED_SECONDS = 300.0  #: of the latest progress, from which the time left is estimated

@@ -25,7 +25,7 @@ class Motion(Protocol):
 
     @property
     def rate(self) -> float:
-        """Simulated samples a second [Hz]."""
+        """Simulated samples per second [Hz]."""
 
     def sample(self, time: int) -> float:
         """Return which simulated sample, whole and part, a time [ns UTC] is."""

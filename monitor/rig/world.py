@@ -105,7 +105,7 @@ class World:
     def __init__(self, structure: Structure, scenario: Scenario) -> None:
         self._scenario = scenario
         self._true = true_structure(structure, scenario)
-        self.rate = OVERSAMPLING * scenario.rate  #: simulated samples a second [Hz]
+        self.rate = OVERSAMPLING * scenario.rate  #: simulated samples per second [Hz]
         self._begins = sorted(event.at for event in scenario.event)
         parts = [part for event in scenario.event for part in _in_parts(event)]
         self._events = sorted(parts, key=lambda event: event.at)

@@ -91,7 +91,7 @@ def print_history(found: Found) -> None:
     counts = f"{windows.number} windows, {windows.judged} judged, {windows.over} over the limit"
     echo(f"{counts}{newest}")
     console.print(f"state: {found.state}")
-    console.print(_self_tests(found.self_tests), soft_wrap=True)
+    console.print(_self_tests(found.self_tests))
     _say_alarms(found.alarms)
     if any(found.trends.values()):
         console.print(_trends(found.trends))

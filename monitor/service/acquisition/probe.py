@@ -21,7 +21,7 @@ class Probe:
     """Observations of a device."""
 
     identity: DeviceIdentity
-    rate: float  #: scans a second of data [Hz]
+    rate: float  #: scans per second of data [Hz]
     lost: int  #: scans missing while it was listened to
     bad_bytes: int
     temperature: float  #: [degC], NaN if it has no sensor

@@ -169,3 +169,15 @@ def test_lines_and_cells_for_files_are_whole(
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 2
     assert lines[0].rstrip() == " ".join(row)
+
+
+def test_texts_are_printed_above_the_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bar is erased before a text, so that no text continues its line."""
+    out = StringIO()
+    seen = Console(file=out, force_terminal=True, width=60)
+    monkeypatch.setattr(shown, "console", seen)
+    with progress("reading"):
+        shown.echo("picture: modes.png")
+    before, printed, _ = out.getvalue().partition("picture: modes.png")
+    assert printed
+    assert before.rpartition("\n")[2].endswith("\x1b[2K")

@@ -289,12 +289,12 @@ def diagnose_logs(
         for line in _written_otherwise(found.explained, structure):
             echo(f"  {line}")
         for line in _calibrated_again(found.explained):
-            console.print(f"  {line}", style="dim", markup=False, soft_wrap=True)
+            console.print(f"  {line}", style="dim", markup=False)
     _say_parameters(found.explained.calibration or found.reference.calibration)
     if nearer:
         echo(nearer)
     if diagnosis.causes and (hint := _held_out_hint(logs)):
-        console.print(hint, style="dim", markup=False, soft_wrap=True)
+        console.print(hint, style="dim", markup=False)
     for note in _channel_notes(structure, logs):
         warn(f"note: {note}")
     if before and _EXTENDED in structure_path.read_text(encoding="utf-8"):

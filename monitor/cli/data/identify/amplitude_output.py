@@ -31,12 +31,12 @@ def say_dependence(estimate: ModalEstimate, found: Sequence[AmplitudeDependence 
         console.print(_table(tested))
     sentences = list(_sentences(estimate, tested))
     for sentence in sentences:
-        console.print(escape(sentence), soft_wrap=True)
+        console.print(escape(sentence))
     if tested and not sentences:
         console.print("no mode depends significantly on its amplitude")
     if missing := [str(i + 1) for i in range(estimate.n_modes) if i not in tested]:
         reasons = "the record is too short, noise is too strong, or blows excite the mode"
-        console.print(f"not tested: mode{'s' * (len(missing) > 1)} {', '.join(missing)} ({reasons})", soft_wrap=True)
+        console.print(f"not tested: mode{'s' * (len(missing) > 1)} {', '.join(missing)} ({reasons})")
 
 
 def _table(tested: dict[int, AmplitudeDependence]) -> Table:

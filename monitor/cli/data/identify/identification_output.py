@@ -131,7 +131,7 @@ def say_modes(logs: Sequence[AnyLog], found: Findings, *, setups: bool) -> None:
     title = f"{escape(', '.join(log.name for log in logs))}: {what}"
     console.print(_table(title, found))
     for remark in _marks(found):
-        console.print(remark, soft_wrap=True)
+        console.print(remark)
     if windows.band:
         low, high = windows.band
         console.print(f"band: {low:.4g} to {high:.4g} Hz ({high / windows.rate:.2f} of the rate)")

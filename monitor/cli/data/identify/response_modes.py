@@ -126,9 +126,9 @@ def _say(path: Path, identified: IdentifiedFile, model: "ModelModes | None") -> 
     low, high = found.band
     console.print(f"band: {low:.4g} to {high:.4g} Hz; lines of {1 / found.record_seconds:.4g} Hz")
     console.print(f"measured responses and those of the modes: lowest FRAC {np.nanmin(found.agreement):.4f}")
-    console.print(_coherence_line(identified), soft_wrap=True)
+    console.print(_coherence_line(identified))
     if identified.header and identified.header.text:
-        console.print(f"header of the file: {escape(identified.header.text)}", soft_wrap=True)
+        console.print(f"header of the file: {escape(identified.header.text)}")
     notes = []
     if found.silent:
         notes.append(f"! left out, zero in all lines: {escape(', '.join(found.silent))}")
@@ -138,7 +138,7 @@ def _say(path: Path, identified: IdentifiedFile, model: "ModelModes | None") -> 
         notes.append(f"! MAC below {LOW_MAC:g}: not the shape of the model's mode")
     notes += _mass_notes(found)
     for note in notes:
-        console.print(note, soft_wrap=True)
+        console.print(note)
 
 
 def _coherence_line(identified: IdentifiedFile) -> str:

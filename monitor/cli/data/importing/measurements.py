@@ -179,7 +179,7 @@ def _for_site(data: Path, recording: Recording, site: Site, path: Path) -> Recor
     for device in site.settings.device:
         if abs(recording.rate / device.rate - 1) > _RATE_TOLERANCE:
             raise DataError(
-                data, f"has {recording.rate:.6g} samples a second, device {device.name} of {path} {device.rate:g}"
+                data, f"has {recording.rate:.6g} samples per second, device {device.name} of {path} {device.rate:g}"
             )
     try:
         return with_channels(recording, site.settings.channels)

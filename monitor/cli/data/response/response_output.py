@@ -20,7 +20,6 @@ def say_response(console: Console, found: ResponseFound) -> None:
     console.print(
         f"vibration between {low:.3g} and {high:.3g} Hz, {duration_words(found.seconds)}, "
         f"at {two_digits(found.level)} times the level of the reference",
-        soft_wrap=True,
     )
     if found.motions:
         _say_motions(console, found.motions)
@@ -63,7 +62,6 @@ def _say_sections(console: Console, sections: Sequence[SectionStress]) -> None:
         "by the vibration of these logs alone, without partial factors; from and to with stresses a standard deviation "
         "larger and smaller",
         style="dim",
-        soft_wrap=True,
     )
 
 
@@ -77,5 +75,4 @@ def _say_sensors(console: Console, sensors: Sequence[SensorError]) -> None:
         "error: root mean square of the difference from the prediction by the sensors at other places, and stated "
         "deviation, both relative to the signal; about 95 % of the samples are expected within 2 deviations",
         style="dim",
-        soft_wrap=True,
     )

@@ -84,7 +84,7 @@ def list_parameters(structure: Structure, n_modes: int) -> list[ParameterSensiti
         _, found = parameter_sensitivities(structure, n_modes)
     console.print(parameter_table(found) if found else "no parameter may be updated")
     if found:
-        console.print(SENSITIVITY_NOTE, style="dim", soft_wrap=True)
+        console.print(SENSITIVITY_NOTE, style="dim")
     return found
 
 

@@ -86,7 +86,7 @@ def _pairs(pairs: Sequence[tuple[int, int]]) -> str:
 def _at(sensor: Sensor) -> str:
     x, y, z = sensor.at
     along = "xyz"[int(np.argmax(np.abs(sensor.direction)))]
-    return f"({x:.4g}, {y:.4g}, {z:.4g}) along {along}"
+    return f"({x:.3f}, {y:.3f}, {z:.3f}) m along {along}"
 
 
 def body_table(sight: ModeVisibility, outlook: DetectabilityStudy) -> Table:
@@ -97,9 +97,9 @@ def body_table(sight: ModeVisibility, outlook: DetectabilityStudy) -> Table:
         f"{len(outlook.frequency)} modes up to {record.highest:g} Hz"
     )
     located = f"{mass_words(mass)}, 1 % of the\nstructure, located to ±"
-    names = ("smallest detectable", "at, m", "median over the member", located)
+    names = ("smallest detectable", "at [m]", "median over the member", located)
     table = new_table(("member",), names, title=title)
-    table.add_column("not detectable\nfrom .. to, m")
+    table.add_column(escape("not detectable\nfrom .. to [m]"), no_wrap=True)
     place, _ = outlook.bound(mass)
     members = outlook.reference.structure.member
     median = [float(np.median(sight.weakest[outlook.member == m])) for m in range(len(members))]
