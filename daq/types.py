@@ -37,10 +37,10 @@ class Block:
     """Consecutive scans of one device, as the driver read them and as the log stores them."""
 
     device: str
-    rate: float  #: nominal scans a second [Hz], by the device's own clock
+    rate: float  #: nominal scans per second [Hz], by the device's own clock
     first_index: int  #: unwrapped number of the first scan since the device's first connection, or of `clock` [-]
     counts: IntArray  #: (n_scans, n_axes) raw counts [-], no scan missing inside
-    scale: float  #: m/s2 a count
+    scale: float  #: m/s2 per count
     arrival_index: int  #: the (counter, host time) pair: this scan ...
     arrival_time: int  #: ... had arrived at this host time [ns UTC]
     temperature: float  #: temperature of the device [degC], NaN if it has no sensor
@@ -132,7 +132,7 @@ class Recording:
 
     channels: tuple[Channel, ...]
     data: FloatArray  #: (n_samples, n_channels) acceleration [m/s2], NaN where a gap is
-    rate: float  #: samples a second [Hz]
+    rate: float  #: samples per second [Hz]
     start: int  #: time of the first sample [ns UTC]
     temperature: float = float("nan")  #: mean over the devices [degC], NaN if none has a sensor
     gaps: tuple[Gap, ...] = ()

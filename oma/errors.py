@@ -14,7 +14,7 @@ from daq.errors import OneLineError
 
 
 class OmaError(OneLineError):
-    """Anything operational modal analysis reports."""
+    """Base class of the errors of operational modal analysis."""
 
 
 class IdentificationError(OmaError):
@@ -92,7 +92,7 @@ class NoCommonModes(OmaError):  # noqa: N818
     ----------
     n_setups : int
     n_modes : list of int
-        What each of them shows.
+        Number of modes identified in each set-up.
     """
 
     def __init__(self, n_setups: int, n_modes: list[int]) -> None:

@@ -44,7 +44,7 @@ _DRIFT = 0.1  # corner of the filter against drift, as a share of the lower end 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Identification:
-    """Modes, and the poles they were chosen from."""
+    """Modes, and the poles from which they were selected."""
 
     estimate: ModalEstimate  #: estimate, with the devices' `delays` removed
     poles: Stabilization
@@ -123,7 +123,7 @@ def identify(
     ----------
     recording : Recording
     method : Method, optional
-        `DataSSI`, `CovarianceSSI`, ... with their options; DataSSI() unless given.
+        `DataSSI`, `CovarianceSSI`, ... with their options. Default: DataSSI().
     band : (float, float), optional
         Frequencies in which modes are sought [Hz], up to 0.48 of the rate. Default: from 100 periods in the recording
         to 0.48 of the rate, or to 0.40 where the spectrum shows an anti-alias filter (`oma.preparation.pyramid`).
@@ -218,7 +218,7 @@ class IdentificationStream:
     band : (float, float)
         Frequencies in which modes are sought [Hz].
     method : Method, optional
-        DataSSI() unless given. The standard deviations come from the scatter of the blocks: use some thirty.
+        Default: DataSSI(). The standard deviations come from the scatter of the blocks: use about thirty.
     start : int
         Time of the first sample [ns UTC].
 

@@ -66,10 +66,10 @@ def write_universal(
     Parameters
     ----------
     path : Path or str
-        Of the file; one that exists is replaced.
+        Path of the file; an existing file is replaced.
     estimate : ModalEstimate
     places : mapping, optional
-        Channel -> place; read from the names unless given (`places_by_name`). Channels without one are left out.
+        Channel -> place. Default: read from the names (`places_by_name`). Channels without one are left out.
     nodes : mapping, optional
         Node -> position [m]; with them the file can be animated.
     lines : sequence, optional

@@ -35,7 +35,7 @@ class Windows:
     problems: tuple[str, ...]  #: problems of the windows without modes
     start: int  #: start of the earliest window [ns UTC]
     end: int  #: end of the latest one [ns UTC]
-    rate: float  #: samples a second [Hz]
+    rate: float  #: samples per second [Hz]
     delays: tuple[Mapping[str, float], ...] = ()  #: delays removed from each device, per window with modes [s]
     may_be_tones: FloatArray = field(default_factory=lambda: np.empty(0))
     """(n,) frequencies of modes that may be tones in most of these windows [Hz]"""

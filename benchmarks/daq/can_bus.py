@@ -132,7 +132,7 @@ def fast() -> None:
             if n != n_frames:
                 raise SystemExit(f"{name}: {n} of {n_frames} frames")
             rates[name].append(n / seconds)
-    print("| bus | frames a second | times python-can's |\n| --- | ---: | ---: |")
+    print("| bus | frames per second | times python-can's |\n| --- | ---: | ---: |")
     first = rates[next(iter(READERS))]
     for name, found in rates.items():
         ratio = statistics.median(a / b for a, b in zip(found, first, strict=True))

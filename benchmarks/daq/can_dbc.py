@@ -108,9 +108,7 @@ def decoding() -> None:
         "ours, 40 000 frames at a time (a log)": lambda: ours(layouts, frames, _DECODED),
     }
     turns = [[way() for way in ways.values()] for _ in range(TURNS)]
-    print(
-        f"| decoding | frames a second | of a core at {PACE} frames/s | times cantools' |\n| --- | ---: | ---: | ---: |"
-    )
+    print(f"| decoding | frames/s | of a core at {PACE} frames/s | times cantools' |\n| --- | ---: | ---: | ---: |")
     for column, name in enumerate(ways):
         used = statistics.median(turn[column] for turn in turns)
         ratio = statistics.median(turn[0] / turn[column] for turn in turns)

@@ -99,12 +99,12 @@ class DaqmxAddress:
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    """A device that answered."""
+    """A device that answered the search."""
 
     driver: str
     place: str | CanAddress | TextAddress
     identity: DeviceIdentity
-    rate: float = 1000.0  #: scans a second that it can [Hz]
+    rate: float = 1000.0  #: scans per second that it can [Hz]
     axes: tuple[int, ...] = (0, 1, 2)  #: measured axes
 
 
@@ -145,10 +145,10 @@ class Scans:
 class Driver(Protocol):
     """Interface of one kind of device, with hardware access only.
 
-    One that filters has `delay` as well: how long after the motion a scan is that its filter lets through [s].
+    A driver of a device that filters also has `delay`, the group delay of the filter [s].
     """
 
-    scale: float  #: m/s2 a count; known once it is open
+    scale: float  #: m/s2 per count; known once it is open
     modulus: int  #: counter values before the counter wraps
 
     def open(self) -> DeviceIdentity:

@@ -80,7 +80,7 @@ class RateCheck:
 
     Parameters
     ----------
-    rate : expected, scans a second [Hz]
+    rate : expected, scans per second [Hz]
     clock : of the host
     """
 
@@ -126,7 +126,7 @@ class DeviceReader(SupervisedThread):
     ----------
     device : its name
     driver : of the device, not opened yet
-    rate : scans a second [Hz]
+    rate : scans per second [Hz]
     clock : of the host
     sink : takes blocks and events, from this thread
     block_seconds : length of a block [s of data]
@@ -174,7 +174,7 @@ class DeviceReader(SupervisedThread):
         self._report(DeviceOpened(device=self.device, identity=identity, filter_delay=self._delay or None))
 
     def lose(self, why: DriverError) -> None:
-        """Begin as if the device had been lost: the first to answer in its place is taken for it."""
+        """Begin as if the device had been lost: the first one that answers at its address is taken for it."""
         self._lost = why
 
     def _know(self, identity: DeviceIdentity) -> None:

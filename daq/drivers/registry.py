@@ -52,7 +52,7 @@ def driver_names() -> tuple[str, ...]:
 
 
 def low_grade(name: str, place: Place | None = None) -> str:
-    """Return why the data of a driver's devices are not to be relied on for modes; empty if they are.
+    """Return the reason why the data of a driver's devices are unreliable for modes; empty if they are reliable.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def make_driver(name: str, place: Place, rate: float) -> Driver:
     name : of the driver; one of ours is never replaced by a plug-in
     place : path of a serial port, with or without a format of lines, node on a CAN bus, sensor on one that a DBC file
         describes, or device in a log
-    rate : scans a second [Hz]
+    rate : scans per second [Hz]
 
     Raises
     ------

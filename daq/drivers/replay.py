@@ -34,7 +34,7 @@ class ReplayedDevice:
     Parameters
     ----------
     address : log and device
-    rate : scans a second, which must be that of the log [Hz]
+    rate : scans per second, which must be that of the log [Hz]
 
     Raises
     ------

@@ -11,7 +11,7 @@ _SERIAL_LENGTH = 8
 
 
 class EmulatedEpson(SerialEmulator):
-    """The device side of one M-A352: it answers registers and streams burst frames, as late as its filter makes them.
+    """The device side of one M-A352: it answers registers and streams burst frames with the delay of its filter.
 
     Parameters
     ----------

@@ -128,7 +128,7 @@ class EmulatedAdapter:
             self._network.send(self._datagrams())
 
     def close(self) -> None:
-        """Unplug: connections end; once is enough."""
+        """Unplug: connections end. A second call has no effect."""
         if not self._unplugged:
             self._unplugged = True
             self.device.close()

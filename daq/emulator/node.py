@@ -8,7 +8,7 @@ from daq.protocol import node
 from daq.timing.host_clock import HostClock
 from daq.types import IntArray
 
-ADXL355_SCALE = 9.80665 * 3.9e-6  #: m/s2 a count, in its range of 2 g
+ADXL355_SCALE = 9.80665 * 3.9e-6  #: m/s2 per count, in its range of 2 g
 
 
 class EmulatedNode(SerialEmulator):
@@ -21,7 +21,7 @@ class EmulatedNode(SerialEmulator):
     serial_number : at most 12 characters
     rate : fixed rate of a node that ignores the host: it sends scans from the start, and its hello once per second.
         Default: set by the host
-    scale : m/s2 a count
+    scale : m/s2 per count
     axes : that it measures
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
     temperature : [degC], None without a sensor

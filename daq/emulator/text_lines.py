@@ -19,7 +19,7 @@ class EmulatedTextLines(SerialEmulator):
     source : measured signal, in counts of `LineFormat.step`
     clock : simulated clock
     form : format of its lines
-    rate : scans a second [Hz]
+    rate : scans per second [Hz]
     checksum : whether its lines have one
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
     temperature : [degC]

@@ -24,7 +24,7 @@ class WitSettings:
     def __init__(self, temperature: float) -> None:
         self._temperature = round(100 * temperature)
         self._content, self._unlocked = _AS_BOUGHT, False
-        self.rate = 10.0  #: scans a second [Hz]
+        self.rate = 10.0  #: scans per second [Hz]
         self.delay = 0.0  #: group delay of the filter [s]; a new device has none
 
     def obey(self, command: bytes) -> bool:

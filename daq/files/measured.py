@@ -91,7 +91,7 @@ class Measured:
     derivatives: tuple[int, ...] = ()  #: of each channel, still to be taken
 
     def only(self, places: Sequence[int]) -> "Measured":
-        """Return the content with some of its channels."""
+        """Return some of the channels."""
         channels, data = tuple(self.recording.channels[k] for k in places), self.recording.data[:, list(places)]
         return replace(
             self,

@@ -56,7 +56,7 @@ def timed_blocks(log: AnyLog, late: Mapping[str, float] = NO_DELAYS) -> Iterator
     Parameters
     ----------
     log : its path, or all files of a run
-    late : device -> time by which its scans were taken before their arrivals indicate [s]
+    late : device -> delay of its scans, which is removed [s]
     """
     clocks, waiting = ScanClocks(), dict[str, _Waiting]()
     for item in read_log(log):
@@ -70,13 +70,14 @@ def timed_blocks(log: AnyLog, late: Mapping[str, float] = NO_DELAYS) -> Iterator
 def expand_log(log: AnyLog, path: Path, late: Mapping[str, float] = NO_DELAYS) -> dict[str, int]:
     """Write a log's signals at full rate to a new MCAP file of ROS 2 messages, on /view/DEVICE.
 
-    The archive keeps many scans in one message, which is small; viewers plot a message a point. Attachments are copied.
+    The archive keeps many scans in one message, which is small; viewers plot one point per message. Attachments are
+    copied.
 
     Parameters
     ----------
     log : its path, or all files of a run
     path : of the new file
-    late : device -> time by which its scans were taken before their arrivals indicate [s]
+    late : device -> delay of its scans, which is removed [s]
 
     Returns
     -------

@@ -82,7 +82,7 @@ def _alike(path: Path, found: Recording, model_path: Path, model: Recording) -> 
         other = sorted(set(names) ^ set(wanted))
         raise DataError(path, f"has not the channels of {model_path}: only one of them has {', '.join(other):.100}")
     if abs(found.rate / model.rate - 1) > max(_RATES_ALIKE, TOLERANCE / len(found.data)):
-        raise DataError(path, f"has {found.rate:.8g} samples a second, {model_path} {model.rate:.8g}")
+        raise DataError(path, f"has {found.rate:.8g} samples per second, {model_path} {model.rate:.8g}")
     if names == wanted:
         return found
     place = [names.index(name) for name in wanted]

@@ -72,7 +72,7 @@ class McapWriter:
     ----------
     path : of the new file
     attachments : name -> text, written first
-    part : number of the file in its run, unless it is the only one
+    part : number of the file in its run; None for the only one
 
     Raises
     ------
@@ -140,18 +140,18 @@ class McapWriter:
         )
 
     def hand_over(self) -> None:
-        """Close the chunk and give it to the system, which keeps it if this process is killed."""
+        """Close the chunk and write it to the system, which keeps it if this process is killed."""
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._file.flush()
 
     def flush(self) -> None:
-        """Close the chunk and bring it to the disk."""
+        """Close the chunk and flush it to the disk."""
         self.hand_over()
         os.fdatasync(self._file.fileno())
         self._safe = self._end.written
 
     def close(self) -> None:
-        """Write the summary, bring it to the disk and close the file."""
+        """Write the summary, flush it to the disk and close the file."""
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.flush()
         os.fdatasync(self._file.fileno())
@@ -163,7 +163,7 @@ class McapWriter:
         return self._safe
 
     def abandon(self) -> None:
-        """Close the file as it was after its last flush: the disk takes no more."""
+        """Close the file as it was after its last flush: the disk accepts no more data."""
         number = os.dup(self._file.fileno())  # whatever its path leads to by now
         try:
             self.forsake()
@@ -179,7 +179,7 @@ class McapWriter:
 
     @property
     def cut_short(self) -> bool:
-        """True if others have shortened the file."""
+        """True if another program has shortened the file."""
         return os.fstat(self._file.fileno()).st_size < self._end.written
 
     def displacement(self) -> "Displacement | None":

@@ -18,7 +18,7 @@ def log_path(folder: Path, start: int) -> Path:
 
 
 def as_logs(paths: Sequence[Path]) -> list[Path | PartedLog]:
-    """Return the logs that paths mean: files of one run are one log, a folder is all logs in it by their starts.
+    """Return the logs at some paths: the files of one run are one log, a folder has all its logs by their starts.
 
     A path that is not a log is returned unchanged: reading it will raise the error.
 
@@ -62,7 +62,7 @@ def _expanded(path: Path) -> Iterator[Path]:
 
 
 def newest_log(path: Path) -> Path | PartedLog:
-    """Return the log that a path means; of a folder the one that was written to last, all files of its run.
+    """Return the log at a path; of a folder the one that was written to last, with all files of its run.
 
     Raises
     ------

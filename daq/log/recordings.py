@@ -101,7 +101,7 @@ def read_channel_map(log: AnyLog) -> ChannelMap | None:
 
 
 def absent_devices(log: AnyLog, devices: Collection[str]) -> set[str]:
-    """Return the devices that are silent where an excerpt begins: that they were lost may be reported before it."""
+    """Return the devices without data at the start of an excerpt: their loss may be reported before it."""
     absent: set[str] = set()
     if isinstance(log, LogExcerpt) and log.start > BEGINNING:
         absent |= set(devices)

@@ -25,7 +25,7 @@ from daq.log.rotating_writer import RotatingWriter
 from daq.supervision import error_text
 from daq.types import Block, Event, Item
 
-_KEPT = 20_000  # items in memory while the disk takes none: at four blocks a second of 32 devices, some 2.5 minutes
+_KEPT = 20_000  # items in memory while the disk takes none: at four blocks per second of 32 devices, some 2.5 minutes
 _RETRY_SECONDS = 5.0
 _LOOK_SECONDS = 1.0  # between looks at whether the open file is still where it was begun
 
@@ -46,7 +46,7 @@ class ResilientWriter:
     recorder : the log
     guard : selects the files to delete
     tell : called with these events at once, in the caller's thread
-    kept : items that memory holds while the disk takes none
+    kept : number of items held in memory while the disk accepts none
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class ResilientWriter:
         return bool(self._lost_now)
 
     def write(self, item: Item) -> None:
-        """Take an item; it is in a file after the next flush, if the disk takes it.
+        """Accept an item; it is in a file after the next flush, if the disk accepts it.
 
         Raises
         ------

@@ -40,7 +40,7 @@ class DiskGuard:
     Parameters
     ----------
     folder : of the logs
-    retention : how much is kept
+    retention : limits on what is kept
     """
 
     def __init__(self, folder: Path, retention: Retention) -> None:
@@ -50,7 +50,7 @@ class DiskGuard:
 
     @property
     def free(self) -> int:
-        """Room on the disk [bytes]."""
+        """Free space on the disk [bytes]."""
         return shutil.disk_usage(self._folder).free
 
     @property
@@ -59,7 +59,7 @@ class DiskGuard:
         return self.free < self._retention.least_free
 
     def surplus(self, *, full: bool = False) -> ExpiredFile | None:
-        """Return the oldest file if it must go; None if nothing must, or if only the newest is left.
+        """Return the oldest file if it must be deleted; None if no file must, or if only the newest is left.
 
         A file that is open for writing, and the one finished last, always stay.
 

@@ -36,7 +36,7 @@ class RotatingWriter:
     attachments : name -> text, written to each
     started : time of the start [ns UTC]
     rotation : when a new file is begun
-    view_rate : scans a second that are written for stock viewers too [Hz]; 0 for none
+    view_rate : scans per second that are written for stock viewers too [Hz]; 0 for none
 
     Raises
     ------
@@ -90,7 +90,7 @@ class RotatingWriter:
             self._writer.show(message)
 
     def hand_over(self) -> None:
-        """Close the chunk and give it to the system."""
+        """Close the chunk and write it to the system."""
         self._writer.hand_over()
 
     def flush(self) -> None:
@@ -133,7 +133,7 @@ class RotatingWriter:
 
     @property
     def cut_short(self) -> bool:
-        """True if others have shortened the open file since its last flush."""
+        """True if another program has shortened the open file since its last flush."""
         return self._writer.cut_short
 
     def displacement(self) -> Displacement | None:
@@ -145,5 +145,5 @@ class RotatingWriter:
         self._writer.forsake()
 
     def abandon(self) -> None:
-        """Close the open file as it is: the disk takes no more."""
+        """Close the open file as it is: the disk accepts no more data."""
         self._writer.abandon()

@@ -18,9 +18,9 @@ from daq.types import Block, Flag, Item
 class DeviceInfo:
     """Contents of a log from one device."""
 
-    rate: float  #: nominal scans a second [Hz]
+    rate: float  #: nominal scans per second [Hz]
     n_axes: int
-    scale: float  #: m/s2 a count
+    scale: float  #: m/s2 per count
     start: int  #: time of the first scan [ns UTC]
     end: int = 0  #: after the last scan [ns UTC]
     n_scans: int = 0

@@ -48,8 +48,8 @@ class WriterThread:
     ----------
     writer : the log; closed at the end
     on_written : called in the writer's thread with every item once it is in the log, in the log's order
-    chunk_seconds : of wall time from the first item of a chunk until the system has it, and a kill costs nothing of it;
-        the disk has it 0.15 s later at most
+    chunk_seconds : wall time from the first item of a chunk until the system has it, so that a kill loses nothing of it
+        [s]; the disk has it at most 0.15 s later
     capacity : items of the queue; further items are dropped and counted
     """
 

@@ -34,7 +34,7 @@ class ScanLayout:
     axes: tuple[tuple[int, CanSignal], ...]  #: x, y, z of the device, as many as it has
     counters: tuple[tuple[int, CanSignal], ...]  #: counters of one message or of more
     modulus: int  #: counter values before the counter wraps
-    scale: float  #: m/s2 a count
+    scale: float  #: m/s2 per count
     unit: float  #: m/s2 a unit of the axes
     temperature: tuple[ScanMessage, CanSignal] | None = None  #: [degC], of any message, in the scan or not
 

@@ -13,7 +13,7 @@ from daq.protocol.overlap import without_overlap
 from daq.types import FloatArray, IntArray
 
 FRAME_SIZE = 24
-EPSON_SCALE = 9.80665 / 2**24  #: m/s2 a count
+EPSON_SCALE = 9.80665 / 2**24  #: m/s2 per count
 HEADER, DELIMITER = 0x80, 0x0D
 
 WINDOW, MODE_CTRL, SMPL_CTRL, FILTER_CTRL, UART_CTRL = 0x7E, 0x03, 0x05, 0x06, 0x08
@@ -24,7 +24,7 @@ MODE_SAMPLING, MODE_CONFIG = 0x01, 0x02
 BURST_ALL = 0xC703  #: ND, temperature, three axes, count, checksum
 FILTER_BUSY = 1 << 5
 UART_AUTO = 1
-RATES = {1000: 2, 500: 3, 200: 4, 100: 5, 50: 6}  #: scans a second -> SMPL_CTRL
+RATES = {1000: 2, 500: 3, 200: 4, 100: 5, 50: 6}  #: scans per second -> SMPL_CTRL
 
 Bytes = npt.NDArray[np.uint8]
 _FRAME = np.dtype(

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from daq.protocol.frames import NO_FRAMES, CanFrames, concatenate
 from daq.types import IndexArray, IntArray
 
-SCALE = 9.80665 / 2**24  #: m/s2 a count
+SCALE = 9.80665 / 2**24  #: m/s2 per count
 MODULUS = 1 << 16  #: values of the sample counter
 TPDO1, TPDO2 = 0x180, 0x280  #: plus the node's id
 TPDO1_SIZE, TPDO2_SIZE = 8, 6
@@ -30,7 +30,7 @@ APPLY = 0x2005, 0
 APPLY_NOW, APPLIED = 0x11, 0x10
 FILTER = 0x61A1, 1
 TEMPERATURE = 0x9130, 4  #: counts as the M-A352's; three subindices before it are the accelerations
-RATES = {1000: 1, 500: 2, 200: 5, 100: 10, 50: 20}  #: scans a second -> ms
+RATES = {1000: 1, 500: 2, 200: 5, 100: 10, 50: 20}  #: scans per second -> ms
 _KEPT = 4096  # frames remembered while no TPDO2 comes
 
 

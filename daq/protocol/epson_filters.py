@@ -17,7 +17,7 @@ Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed., eq. 7.76.
 INTERNAL_RATE = 4000.0  #: rate of the filters [Hz]
 TAPS = {1: 64, 2: 64, 3: 128, 4: 128, 5: 128, 6: 512, 7: 512, 8: 512, 9: 512, 10: 512}
 CUTOFF = {1: 83, 2: 220, 3: 36, 4: 110, 5: 350, 6: 9, 7: 16, 8: 60, 9: 210, 10: 460}  #: [Hz]
-FILTERS = {1000: 10, 500: 9, 200: 8, 100: 7, 50: 6}  #: scans a second -> filter that fits
+FILTERS = {1000: 10, 500: 9, 200: 8, 100: 7, 50: 6}  #: scans per second -> filter that fits
 
 
 def group_delay(number: int) -> float:

@@ -3,7 +3,7 @@
 A frame is stuffed by COBS, ended by a zero and guarded by CRC-16/CCITT (`daq.protocol.cobs`); little-endian, packed:
 
     scan   01 | counter u32 | device's clock u32 [us] | X Y Z i32 [counts] | temperature i16 [0.01 degC]
-    hello  02 | version u8 | product 12 | serial 12 (ASCII) | axes u8 | scale f32 [m/s2 a count] | rate u32 [mHz]
+    hello  02 | version u8 | product 12 | serial 12 (ASCII) | axes u8 | scale f32 [m/s2 per count] | rate u32 [mHz]
     who    81                the host asks for a hello
     start  82 | rate u32 [mHz]   the host asks for scans; a node that has another rate says so in its hello
     stop   83
@@ -48,8 +48,8 @@ class Hello:
     product: str  #: product, at most 12 characters of ASCII
     serial: str  #: serial number, at most 12 characters of ASCII
     axes: tuple[int, ...]  #: measured axes, of 0, 1, 2; the others are zero in every scan
-    scale: float  #: m/s2 a count
-    rate: float  #: scans a second [Hz]
+    scale: float  #: m/s2 per count
+    rate: float  #: scans per second [Hz]
     version: int = VERSION  #: version of this protocol
 
 

@@ -29,7 +29,7 @@ UNITS = {"m/s2": 1.0, "g": 9.80665, "mg": 9.80665e-3, "cm/s2": 0.01, "mm/s2": 1e
 COUNTER_BITS = (8, 16, 32)
 LONGEST = 400  #: bytes of a line
 
-_STEP = 1e-6  # m/s2 a count of numbers with a unit: a tenth of a microgravity, up to 219 g
+_STEP = 1e-6  # m/s2 per count of numbers with a unit: a tenth of a microgravity, up to 219 g
 _LARGEST = 2**31 - 1
 _LABEL = rb"(?:[A-Za-z]\w{0,15}[ \t]?[:=][ \t]?)?"
 _TALKER = rb"(?:[A-Za-z]\w{0,15}[ \t]?,[ \t]?)?"  # as GPGGA in NMEA 0183
@@ -54,7 +54,7 @@ class LineFormat:
 
     columns: tuple[str, ...]  #: of `COLUMNS` or `IGNORED`, in their order
     unit: str | None = None  #: unit of the axes, of `UNITS`, or None for whole numbers with `scale`
-    scale: float | None = None  #: m/s2 a count, for axes that are whole numbers
+    scale: float | None = None  #: m/s2 per count, for axes that are whole numbers
     counter_bits: int = 32  #: bits after which the counter wraps
     decimal_comma: bool = False  #: the decimal sign is a comma
 
@@ -73,7 +73,7 @@ class LineFormat:
         if self.unit is not None and self.unit not in UNITS:
             raise ValueError(f"unit: expected {', '.join(UNITS)}, found {self.unit!r}")
         if self.scale is not None and not 0 < self.scale < np.inf:
-            raise ValueError(f"scale: expected a positive number of m/s2 a count, found {self.scale:g}")
+            raise ValueError(f"scale: expected a positive number of m/s2 per count, found {self.scale:g}")
         if self.counter_bits not in COUNTER_BITS:
             raise ValueError(f"counter_bits: expected {', '.join(map(str, COUNTER_BITS))}, found {self.counter_bits}")
 
@@ -89,7 +89,7 @@ class LineFormat:
 
     @property
     def step(self) -> float:
-        """Scale of the counts [m/s2 a count]."""
+        """Scale of the counts [m/s2 per count]."""
         return _STEP if self.scale is None else self.scale
 
     def pattern(self) -> re.Pattern[bytes]:

@@ -19,14 +19,14 @@ from daq.protocol.overlap import without_overlap
 from daq.types import IntArray
 
 PACKET_SIZE, FRAME_SIZE = 11, 8  #: bytes on a serial line, on a CAN bus
-SCALE = 16 * 9.80665 / 2**15  #: m/s2 a count
+SCALE = 16 * 9.80665 / 2**15  #: m/s2 per count
 HEADER, FIRST_TYPE, ACCELERATION = 0x55, 0x50, 0x51
 N_TYPES = 16
 CONTENT, RATE, BANDWIDTH = 0x02, 0x03, 0x1F  #: registers
 ONLY_ACCELERATION = 1 << ACCELERATION - FIRST_TYPE  #: value of CONTENT: a bit a type
 UNLOCK = bytes([0xFF, 0xAA, 0x69, 0x88, 0xB5])  #: before registers can be written
 NODE, BITRATE = 0x50, 250_000  #: identifier and bit rate of a new device on a CAN bus
-#: scans a second -> (RATE, BANDWIDTH: a filter that ends below half of it; the lowest is of 5 Hz)
+#: scans per second -> (RATE, BANDWIDTH: a filter that ends below half of it; the lowest is of 5 Hz)
 RATES = {200: (0x0B, 2), 100: (0x09, 3), 50: (0x08, 4), 20: (0x07, 6), 10: (0x06, 6)}
 #: BANDWIDTH -> delay of that filter [s], that of the chip inside (InvenSense MPU-9250, register map, ACCEL_CONFIG2)
 DELAY = {1: 1.88e-3, 2: 2.88e-3, 3: 4.88e-3, 4: 8.87e-3, 5: 16.83e-3, 6: 32.48e-3}

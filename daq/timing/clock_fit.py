@@ -36,7 +36,7 @@ class ClockFit:
 
     Parameters
     ----------
-    rate : nominal scans a second [Hz]
+    rate : nominal scans per second [Hz]
     """
 
     def __init__(self, rate: float) -> None:
@@ -47,11 +47,11 @@ class ClockFit:
 
     @property
     def span(self) -> float:
-        """Length of data that the fit rests on [s]."""
+        """Length of the data of the fit [s]."""
         return (self._pairs[-1][0] - self._pairs[0][0]) / self._rate if self._pairs else 0.0
 
     def add(self, index: int, time: int) -> None:
-        """Take one pair: this scan had arrived at this time [ns UTC]."""
+        """Add one pair: a scan and the time by which it had arrived [ns UTC]."""
         if self._origin is None:
             self._origin = time - round(index / self._rate * 1e9)
         late, pairs = time - self._origin - round(index / self._rate * 1e9), self._pairs
@@ -66,7 +66,7 @@ class ClockFit:
             self._line = None
 
     def line(self) -> tuple[float, float, int]:
-        """Return (lateness at index 0 [ns], drift [ns a scan], origin [ns UTC]).
+        """Return (delay at index 0 [ns], drift [ns per scan], origin [ns UTC]).
 
         Raises
         ------
@@ -100,7 +100,7 @@ class ClockFit:
         return slope
 
     def index_at(self, time: int) -> tuple[float, float]:
-        """Return the (fractional) index at a time [ns UTC], and scans a second of UTC there."""
+        """Return the (fractional) index at a time [ns UTC], and scans per second of UTC there."""
         late, slope, origin = self.line()
         period = 1e9 / self._rate + slope
         return (time - origin - late) / period, 1e9 / period

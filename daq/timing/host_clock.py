@@ -29,7 +29,7 @@ class HostClock(Protocol):
 
 
 class SystemClock:
-    """The wall clock as of the last reading; from then on it runs evenly, whether it is set or not.
+    """The wall clock at its last reading, continued by the monotonic clock: it does not follow steps of the wall clock.
 
     Scans get their time from their arrivals. A clock that is set by hours in between would split them, or place their
     arrival before their sampling. Small corrections by NTP are included; only steps are not.
@@ -45,7 +45,7 @@ class SystemClock:
 
     @property
     def off(self) -> int:
-        """By how much the wall clock is ahead of this one, as it has been set since [ns]."""
+        """Time by which the wall clock is ahead of this one, because it was set since the last reading [ns]."""
         return time.time_ns() - self.now()
 
     def follow(self) -> None:
@@ -54,12 +54,12 @@ class SystemClock:
 
 
 class SharedTime:
-    """Times of an emulated world, which moves in steps, shared by processes through a file; the last steps are kept.
+    """Times of an emulated system, which advances in steps, shared by processes in a file; the last steps are kept.
 
     Parameters
     ----------
     path : of the file
-    initial : time with which the file is made, by the only process that writes [ns UTC]; None: it is there
+    initial : time with which the only process that writes creates the file [ns UTC]; None: it exists
 
     Raises
     ------
@@ -81,7 +81,7 @@ class SharedTime:
             self.step(initial)
 
     def step(self, time_then: int) -> None:
-        """Move on to a time [ns UTC]."""
+        """Advance to a time [ns UTC]."""
         count = int(self._count[0])
         self._steps[count % len(self._steps)] = time.monotonic_ns(), time_then
         self._count[0] = count + 1  # last: a reader does not find half a step
@@ -92,7 +92,7 @@ class SharedTime:
 
     @property
     def held(self) -> bool:
-        """True while the writer is to make no step."""
+        """True while the writer must make no step."""
         until, at = self._held.tolist()
         return bool(time.monotonic_ns() < until and self._steps[(int(self._count[0]) - 1) % len(self._steps), 1] >= at)
 

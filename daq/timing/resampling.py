@@ -238,7 +238,7 @@ class Assembler:
     Parameters
     ----------
     channels : analysed channels
-    rates : device -> nominal scans a second [Hz]; the grid has the slowest one
+    rates : device -> nominal scans per second [Hz]; the grid has the slowest one
     window_seconds, step_seconds : length of a window and distance of their starts [s]
     on_grid : scans of all devices lie on one grid already, as those of an imported file: nothing is interpolated
     late : device -> delay of its scans, which is removed [s]; it needs interpolation, and so no `on_grid`
@@ -458,7 +458,7 @@ class StampCount:
 
     Parameters
     ----------
-    rate : scans a second by the clock of the device [Hz]
+    rate : scans per second by the clock of the device [Hz]
     wrap : after which that clock begins again [s]
     most : longest step between two scans of which one continues the other [scans]
     """

@@ -17,7 +17,7 @@ class ScanClock:
 
     Parameters
     ----------
-    rate : nominal scans a second [Hz]
+    rate : nominal scans per second [Hz]
     """
 
     def __init__(self, rate: float) -> None:
@@ -25,11 +25,11 @@ class ScanClock:
         self._known: dict[int, int] = {}  # second, by its number -> time of its first scan [ns UTC]
 
     def add(self, block: Block) -> None:
-        """Take the (index, time) pair of a block."""
+        """Add the (index, time) pair of a block."""
         self._fit.add(block.arrival_index, block.arrival_time)
 
     def times(self, index: IndexArray) -> IndexArray:
-        """Return times [ns UTC] of scans by their indices (n,); they ascend where these do, and gaps cost nothing."""
+        """Return times [ns UTC] of scans by their indices (n,); they ascend where these do, also across gaps."""
         second, within = np.divmod(index, self._spacing)
         numbers = np.unique(np.concatenate((second, second + 1)))
         known = np.array([self._time(int(number)) for number in numbers], np.int64)
@@ -62,7 +62,7 @@ class ScanClocks:
         self._shared: dict[str, ScanClock] = {}
 
     def add(self, block: Block) -> ScanClock:
-        """Take a block, of each device in order; return the clock that its indices are of."""
+        """Add a block, those of each device in order; return the clock of its indices."""
         if block.clock:
             clock = self._shared.setdefault(block.clock, ScanClock(block.rate))
             if len(self._shared) > _KEPT:

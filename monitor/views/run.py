@@ -136,8 +136,8 @@ def load_run(path: Path, within: TimeRange = WHOLE, say: Callable[[str], object]
     if not windows:
         raise ResultsError(
             str(log),
-            "holds no results: it was never watched, or stopped before its first window ended; "
-            "`modalwatch replay LOG -o WATCHED.mcap` watches it",
+            "holds no results: it was not monitored, or stopped before its first window ended; "
+            "`modalwatch replay LOG -o WATCHED.mcap` analyses it",
         )
     site_text = attachable(attached.get("site.toml", ""))
     reference = next((r for r in reversed(found.results) if isinstance(r, ReferenceResult)), None)

@@ -55,7 +55,7 @@ class Method(ABC):
 
     @abstractmethod
     def least_samples(self, n_channels: int) -> int:
-        """Return how many samples at one rate are the least to identify anything from."""
+        """Return the least number of samples at one rate from which modes can be identified."""
 
     @abstractmethod
     def start(self, channels: Sequence[str], level: Level) -> LevelIdentifier:

@@ -31,8 +31,8 @@ _MIN_LAGS = 8
 class EFDD(FDD):
     """EFDD, corrected for the decay of the segments' windows. Shapes are those of `FSDD`.
 
-    Cutting a bell at the ends of the modal domain is no chance that blocks would show: how far frequency and damping
-    are from those of the whole bell (`FSDD`) enters their standard deviations.
+    The bell is cut at the ends of the modal domain. The scatter of the blocks does not contain this error: the
+    differences of frequency and damping from those of the whole bell (`FSDD`) are added to their deviations.
     """
 
     name: ClassVar[str] = "efdd"

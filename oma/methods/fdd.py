@@ -20,7 +20,7 @@ from oma.selection import Mode, block_std, normalised_move, pole_moves, uncertai
 from oma.spectral import Decomposition, SpectralResonance, SpectrumAccumulator, decompose, residue_weight, resonances
 from oma.types import ComplexArray, Stabilization
 
-_LONGEST, _SHORTEST = 2048, 64  # samples a segment
+_LONGEST, _SHORTEST = 2048, 64  # samples per segment
 _ROUNDING = 0.2  # of the logarithm of a length, upwards
 _MIN_SEGMENTS = 4  # without overlap
 _MARGIN = (0.8, 1.15)  # of the band, that bells at its ends reach into
@@ -46,11 +46,11 @@ class Reading:
 class FDD(Method):
     """Frequency domain decomposition: frequencies and shapes where a singular value peaks.
 
-    FDD itself has no damping: stated is that of the bell (`FSDD`) which a peak must show to count as a resonance.
+    FDD gives no damping. The damping of the bell (`FSDD`) is stated; a peak without a bell is not a resonance.
     """
 
     name: ClassVar[str] = "fdd"
-    n_fft: int | None = None  #: samples a segment; None: `segment` chooses [-]
+    n_fft: int | None = None  #: samples per segment; None: `segment` chooses [-]
     n_blocks: int = 16  #: blocks of time, whose scatter gives the uncertainty [-]
 
     def __post_init__(self) -> None:
@@ -60,12 +60,12 @@ class FDD(Method):
             self.check_least(n_fft=_SHORTEST)
 
     def least_samples(self, n_channels: int) -> int:
-        """Return how many samples at one rate are the least to identify anything from."""
+        """Return the least number of samples at one rate from which modes can be identified."""
         del n_channels
         return _MIN_SEGMENTS * (self.n_fft or _SHORTEST)
 
     def segment(self, n_samples: int, n_channels: int) -> int:
-        """Return the samples a segment: a balance of resolution and averages that the store can hold."""
+        """Return the number of samples per segment: a balance of resolution, number of averages, and memory."""
         if self.n_fft:
             return self.n_fft
         held = 2 * _STORE / (8 * self.n_blocks * n_channels * (n_channels + 1) / 2)

@@ -134,7 +134,7 @@ class PLSCF(Method):
         return sorted({int(power) for power in every})
 
     def least_samples(self, n_channels: int) -> int:
-        """Return how many samples at one rate are the least to identify anything from."""
+        """Return the least number of samples at one rate from which modes can be identified."""
         del n_channels
         return 8 * _SHORTEST
 

@@ -67,18 +67,19 @@ class CovarianceSSI(Method):
     def rows(self, n_channels: int) -> int:
         """Return the number of block rows for so many channels.
 
-        Few rows were measured to be best: 8 to 16 with 12 channels reach the smallest errors and the widest gap
-        between modes and false ones, 50 and more lose both. With few channels the largest order sets the number.
+        Few rows were measured to be best: 8 to 16 with 12 channels have the smallest errors and the widest gap
+        between modes and spurious ones; with 50 and more both are worse. With few channels the largest order sets the
+        number.
         """
         return self.block_rows or max(12, -(-3 * self.first_order // (2 * n_channels)))
 
     def least_samples(self, n_channels: int) -> int:
-        """Return how many samples at one rate are the least: four times the span of the block Hankel matrix."""
+        """Return the least number of samples at one rate: four times the span of the block Hankel matrix."""
         return 8 * self.rows(n_channels) + 4
 
     @property
     def first_order(self) -> int:
-        """Largest model order at first, until it is known how many modes there are."""
+        """First largest model order, tried before the number of modes is known."""
         return _FIRST_ORDER if self.max_order is None else self.max_order
 
     def orders(self, largest: int) -> range:
@@ -107,7 +108,7 @@ class CovarianceSSI(Method):
         return SSILevel(self, channels, level)
 
     def columns(self, references: Sequence[int], n_channels: int) -> tuple[Sequence[int], Sequence[int]]:
-        """Return the channels that all must be correlated with, and where the references are among these."""
+        """Return the channels with which all are correlated, and the indices of the references among these."""
         del n_channels
         return references, range(len(references))
 
@@ -149,7 +150,7 @@ class DataSSI(CovarianceSSI):
     name: ClassVar[str] = "ssi-data"
 
     def columns(self, references: Sequence[int], n_channels: int) -> tuple[Sequence[int], Sequence[int]]:
-        """Return all channels, which whitening the future needs, and where the references are among them."""
+        """Return all channels, with which the future is whitened, and the indices of the references among them."""
         return range(n_channels), references
 
     def subspace(

@@ -33,11 +33,11 @@ class Cleaned:
 
 
 def cleaned(recording: Recording, min_complete: float = 0.5, *, overwrite: bool = False) -> Cleaned:
-    """Leave out channels without a signal of the structure, repair the others, and report it.
+    """Leave out channels without a signal of the structure, repair the others, and report the faults.
 
-    Only samples that all channels have are analysed, so that the channels with most gaps are given up until enough
-    of the recording is complete; gaps of a few samples are filled before (`oma.preparation.gaps`).
-    Spikes and a few clipped samples are such gaps.
+    Only samples that all channels have are analysed, so that the channels with most gaps are left out until enough
+    of the recording is complete. Gaps of a few samples are filled before (`oma.preparation.gaps`);
+    spikes and a few clipped samples count as such gaps.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def usable(recording: Recording) -> Recording:
 
 
 def enough(clean: Cleaned) -> Recording:
-    """Return a cleaned recording if it has channels enough: two, or one where no more was measured.
+    """Return a cleaned recording if it has enough channels: two, or one if no more was measured.
 
     Raises
     ------

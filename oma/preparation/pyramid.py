@@ -153,7 +153,7 @@ def _bank(taps: bytes, factor: int) -> FloatArray:
 
 
 class HighPass:
-    """Take mean and drift out of a stream: first order, the same for all channels, so that no mode moves.
+    """Filter of first order that removes mean and drift of a stream, the same for all channels: no mode is shifted.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ class BlockQuality:
 
     @classmethod
     def of(cls, data: FloatArray) -> "BlockQuality":
-        """Look at a block of zero-mean signals, (n_samples, n_channels), NaN where a sample is missing."""
+        """Return the statistics of zero-mean signals, (n_samples, n_channels), NaN where a sample is missing."""
         total = np.vdot(data.T, data.T)  # columns are contiguous
         if np.isfinite(total):
             return cls(length=len(data), n_complete=len(data), power=float(total) / max(data.size, 1))

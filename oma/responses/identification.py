@@ -20,7 +20,7 @@ _MIN_LINES = 60  # in the band
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ResponseIdentification:
-    """Modes of frequency responses, and what they were chosen from."""
+    """Modes of frequency responses, and the poles from which they were selected."""
 
     estimate: ModalEstimate  #: `support` is the share of orders that show a mode
     modal_mass: FloatArray  #: (n_modes,) of the unit shapes, NaN without a driving point [kg]
@@ -110,7 +110,7 @@ def identify_responses_all(
     window: float | None = None,
     coherence: FloatArray | None = None,
 ) -> ResponseIdentification:
-    """Identify modes, their modal masses, and the responses that they make up.
+    """Identify modes, their modal masses, and the responses synthesised from them.
 
     Parameters
     ----------

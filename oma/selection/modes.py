@@ -66,7 +66,7 @@ def candidates(
     n_orders : int
         Model orders that were tried.
     influence : function
-        Order and column of a pole to what each block of time moves it by.
+        Change of a pole, given by its order and column, by each block of time.
     duration : float
         Of the samples that entered [s].
     selection : Selection
@@ -181,7 +181,7 @@ def repeats_of_tones(estimate: ModalEstimate, tone: BoolArray, selection: Select
 
 
 def distinct(modes: Sequence[Mode], selection: Selection) -> list[Mode]:
-    """Keep the surer one of two modes that are one and the same; in order of frequency."""
+    """Keep the more certain one of two modes that are the same; in order of frequency."""
     kept: list[Mode] = []
     for mode in sorted(modes, key=lambda m: m.frequency_std):
         if not any(_same(mode, other, selection) for other in kept):

@@ -19,7 +19,7 @@ class PoleInfluence:
 
 
 def pole_moves(pole: complex | ComplexArray, moves: ComplexArray) -> tuple[FloatArray, FloatArray]:
-    """Turn moves of a pole [rad/s] into moves of its frequency [Hz] and its damping [-].
+    """Return changes of frequency [Hz] and damping [-] for changes of a pole [rad/s].
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def pole_moves(pole: complex | ComplexArray, moves: ComplexArray) -> tuple[Float
 
 
 def normalised_move(shape: ComplexArray, move: ComplexArray) -> ComplexArray:
-    """Turn moves of a raw shape into moves of the shape of unit norm turned to its principal direction.
+    """Return changes of the shape of unit norm, turned to its principal direction, for changes of a raw shape [-].
 
     Parameters
     ----------

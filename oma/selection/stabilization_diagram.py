@@ -34,7 +34,7 @@ class PoleModel(Protocol):
 
 
 def stabilization(models: Sequence[PoleModel], band: tuple[float, float], limits: Selection) -> Stabilization:
-    """Collect the poles that meet the hard criteria and mark those that the next order shows too.
+    """Collect the poles that meet the hard criteria, and mark those that the next order has too.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def stabilization(models: Sequence[PoleModel], band: tuple[float, float], limits
 
 
 def join(parts: list[Stabilization]) -> Stabilization:
-    """Put diagrams of several bands into one."""
+    """Combine the diagrams of several bands."""
     return Stabilization(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Stabilization)})
 
 

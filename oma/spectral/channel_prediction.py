@@ -69,7 +69,7 @@ class ChannelPrediction:
             self._weight_squares += 1
 
     def learn(self) -> None:
-        """Learn the blocks that were added before the last call of `learn`, and hold those added since."""
+        """Learn the blocks added before the last call of `learn`; the next call learns those added since."""
         if self._n_held:
             kept = (1 - 1 / self._memory) ** self._n_held
             self._sum *= kept

@@ -19,7 +19,7 @@ _AT_ONCE, _MIN_PIECES = 1 << 16, 16  # samples transformed at once (size of the 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CorrelationSums:
-    """Sums and counts of lagged products, one set a block of time."""
+    """Sums and counts of lagged products, one set per block of time."""
 
     sums: Sequence[FloatArray]  #: a block: (n_lags, n_channels, n_references), y_i(t) y_j(t - lag) summed over its t
     counts: FloatArray  #: (n_blocks, n_lags): number of products in each sum [-]
@@ -50,8 +50,8 @@ class CorrelationAccumulator:
     """Correlation sums of a stream: blocks of any length are added at one end and dropped at the other.
 
     Memory does not grow with the length of a block. Where one channel is missing all are left out. Sums over different
-    times for different pairs would use more of the data, but their amplitudes differ: a few per cent of scatter
-    between the pairs, which no longer is the correlation of any linear system, hid weak modes (measured).
+    times for different pairs would use more of the data, but such sums are not the correlation of a linear system:
+    a few per cent of scatter between the pairs hid weak modes (measured).
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class CorrelationAccumulator:
     n_lags : int
         Lags 0 to ``n_lags - 1`` [samples].
     references : sequence of int, optional
-        Channels that all are correlated with; all unless given.
+        Channels with which all are correlated. Default: all.
     """
 
     def __init__(self, n_channels: int, n_lags: int, references: Sequence[int] | None = None) -> None:
@@ -97,7 +97,7 @@ class CorrelationAccumulator:
 
     @property
     def n_complete(self) -> int:
-        """Samples that no channel lacks."""
+        """Number of samples that all channels have."""
         return int(sum(counts[0] for _, counts in self.blocks))
 
     @property

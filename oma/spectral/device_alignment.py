@@ -36,7 +36,7 @@ _MARGIN = 16  # samples at the ends and around gaps that a shift spoils
 
 
 def device_delays(recording: Recording) -> dict[str, float]:
-    """Return how late each device is [s], relative to most of them; zero if that is under 0.3 ms or not sure.
+    """Return the delay of each device [s] relative to most of them; zero if it is under 0.3 ms or not significant.
 
     Parameters
     ----------
@@ -91,12 +91,12 @@ def _delays(recording: Recording, column: Sequence[str]) -> dict[str, float]:
 
 
 def aligned(recording: Recording, delays: Mapping[str, float], *, in_place: bool = False) -> Recording:
-    """Return a recording without its devices' delays [s]; NaN where a shift leaves no sample.
+    """Return a recording without its devices' delays; NaN where a shift leaves no sample.
 
     Parameters
     ----------
     recording : Recording
-    delays : device -> how late it is
+    delays : device -> its delay [s]
     in_place : write into the data of the recording, instead of a copy
     """
     data = recording.data if in_place else recording.data.copy()

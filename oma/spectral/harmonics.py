@@ -92,7 +92,7 @@ def classify(
     estimate : ModalEstimate
         Modes and tones.
     suspected : (n_modes,) array of bool
-        Taken for tones by their damping alone, which is what counts where the data allow no test.
+        Taken for tones by their damping alone, which decides if the data allow no test.
     limits : Selection
 
     Returns

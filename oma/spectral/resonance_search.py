@@ -39,7 +39,7 @@ _FILTERED = 0.95  # MAC up to which the shape of another mode is filtered out: m
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SpectralResonance:
-    """A resonance and where it was seen."""
+    """Resonance, and the lines in which it was found."""
 
     pole: complex  #: [rad/s]
     shape: ComplexArray  #: (n_channels,) of unit norm

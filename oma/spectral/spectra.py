@@ -40,7 +40,7 @@ class SpectralSums:
     """
 
     rate: float  #: [Hz]
-    n_fft: int  #: samples a segment
+    n_fft: int  #: samples per segment
     first: int  #: number of the first line kept
     n_channels: int
     sums: Sequence[
@@ -94,9 +94,9 @@ class SpectrumAccumulator:
     rate : float
         [Hz].
     n_fft : int
-        Samples a segment.
+        Samples per segment.
     band : (float, float), optional
-        Frequencies of the lines that are kept [Hz]; all unless given.
+        Frequencies of the lines that are kept [Hz]. Default: all.
     single : bool, optional
         Transforms in single precision, twice as fast; 140 dB below the strongest line is rounding error.
     """
@@ -254,7 +254,7 @@ def singular_values(recording: Recording, n_fft: int = 4096) -> tuple[FloatArray
     ----------
     recording : Recording
     n_fft : int
-        Samples a segment (Welch's method, Hann windows, half overlap).
+        Samples per segment (Welch's method, Hann windows, half overlap).
 
     Returns
     -------

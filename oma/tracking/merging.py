@@ -32,7 +32,7 @@ _CLOSE = 1e-12  # of the scales, relative: two sweeps agree
 
 
 def merge(estimates: Sequence[ModalEstimate], references: Sequence[str]) -> ModalEstimate:
-    """Put the modes of several set-ups together.
+    """Combine the modes of several set-ups.
 
     Frequencies and damping are means weighted by variances, to which the scatter between set-ups is added if it is
     larger than stated. Shapes are scaled to each other by least squares at the references, weighted by their variances;
@@ -41,7 +41,7 @@ def merge(estimates: Sequence[ModalEstimate], references: Sequence[str]) -> Moda
     Parameters
     ----------
     estimates : sequence of ModalEstimate
-        One a set-up; other channels than the references have names of their own in each. All of one kind
+        One per set-up; other channels than the references have names of their own in each. All of one kind
         (accelerations): see `daq.differentiated` for velocities.
     references : sequence of str
         Channels that every set-up has, at the same place, where the modes to be merged move.

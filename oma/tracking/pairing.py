@@ -79,7 +79,7 @@ def pair_modes(
 
     Parameters
     ----------
-    frequency, shape : (n,) [Hz] and (n, n_channels) measured; NaN for one that was never seen
+    frequency, shape : (n,) [Hz] and (n, n_channels) measured; NaN for one that was never measured
     model_frequency, model_shape : (k,) [Hz] and (k, n_channels) of the model at the same channels
 
     Returns

@@ -24,7 +24,7 @@ _G = 9.80665
 #: unit in a DBC file, without blanks and signs of powers and products, in lower case -> m/s2
 UNITS = {"m/s2": 1.0, "mm/s2": 1e-3, "g": _G, "mg": 1e-3 * _G, "ug": 1e-6 * _G}
 _SPELLINGS = str.maketrans({"²": "2", "µ": "u", "μ": "u", "^": "", "*": "", " ": ""})
-_FLOAT_SCALE = 1e-6  # m/s2 a count of signals without a step of their own: a tenth of a microgravity, up to 219 g
+_FLOAT_SCALE = 1e-6  # m/s2 per count of signals without a step of their own: a tenth of a microgravity, up to 219 g
 _LARGEST_MODULUS = 1 << LONGEST_COUNTER
 _MESSAGE, _SIGNAL = re.compile(r"\s*BO_\s+(\d+)\s"), re.compile(r"\s*SG_\s")
 _PLACE = re.compile(r"\bSG_\s[^:\n]*:\s*(-?\d+)\s*\|\s*(-?\d+)\s*@|\bBO_\s+\d+\s[^:\n]*:\s*(-?\d+)\s")
@@ -214,7 +214,7 @@ def _modulus(path: Path, message: Message, signal: Signal) -> int:
 
 
 def _scale(signals: list[CanSignal], unit: float) -> float:
-    """Return m/s2 a count: the finest factor if all numbers are whole multiples of it that fit, or else a finer one."""
+    """Return m/s2 per count: the finest factor if all numbers are whole multiples of it that fit, else a finer one."""
     if any(signal.is_float for signal in signals):
         return _FLOAT_SCALE
     step = min(abs(signal.factor) for signal in signals)

@@ -24,7 +24,7 @@ class CanDbc:
     Parameters
     ----------
     address : bus, and signals in the DBC file
-    rate : scans a second [Hz]
+    rate : scans per second [Hz]
 
     Raises
     ------

@@ -89,7 +89,7 @@ class EpsonCan:
     Parameters
     ----------
     address : bus and node
-    rate : scans a second, one of 50, 100, 200, 500, 1000 [Hz]
+    rate : scans per second, one of 50, 100, 200, 500, 1000 [Hz]
 
     Raises
     ------

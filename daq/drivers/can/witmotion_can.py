@@ -16,7 +16,7 @@ from daq.types import DeviceIdentity
 _READ_SECONDS = 0.1
 _COMMAND_SECONDS = 0.01
 _SETTLE_SECONDS = 0.15  # after a setting
-_ANSWER_SECONDS = 1.0  # at ten scans a second ten of them
+_ANSWER_SECONDS = 1.0  # at ten scans per second ten of them
 
 
 class WitmotionCan:
@@ -25,7 +25,7 @@ class WitmotionCan:
     Parameters
     ----------
     address : bus, and as `node` the identifier that the device has there, 50h as it is sold
-    rate : scans a second, one of 10, 20, 50, 100, 200 [Hz]
+    rate : scans per second, one of 10, 20, 50, 100, 200 [Hz]
 
     Raises
     ------

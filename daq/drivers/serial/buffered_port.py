@@ -24,7 +24,7 @@ class BufferedPort:
     ----------
     descriptor : of the port
     most_seconds : that bytes gather at the most [s]
-    least_rate : bytes a second below which nothing is gained, and nothing gathered
+    least_rate : bytes per second below which nothing is gained, and nothing gathered
     """
 
     def __init__(self, descriptor: int, *, most_seconds: float, least_rate: float) -> None:

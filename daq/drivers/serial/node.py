@@ -140,7 +140,7 @@ class FrameValidator:
 
     Parameters
     ----------
-    rate : scans a second [Hz]
+    rate : scans per second [Hz]
     """
 
     def __init__(self, rate: float) -> None:

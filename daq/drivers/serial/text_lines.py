@@ -122,7 +122,7 @@ class ScanNumbers:
     Parameters
     ----------
     form : format of the lines
-    rate : scans a second by the clock of the sensor [Hz]
+    rate : scans per second by the clock of the sensor [Hz]
     """
 
     def __init__(self, form: LineFormat, rate: float) -> None:

@@ -11,7 +11,7 @@ from daq.protocol import witmotion as wit
 from daq.types import DeviceIdentity
 
 BAUDS = (115_200, 9600, 230_400, 460_800, 921_600, 57_600)  #: a device keeps the rate it was set to
-_LISTEN_SECONDS = 0.35  # at each of them: at ten scans a second three packets
+_LISTEN_SECONDS = 0.35  # at each of them: at ten scans per second three packets
 _COMMAND_SECONDS = 0.01
 _SETTLE_SECONDS = 0.15  # after a setting
 _ENOUGH = 2  # packets that make a baud rate the right one

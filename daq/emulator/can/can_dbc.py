@@ -13,16 +13,16 @@ _BYTES_A_FRAME = 27  # of the longest line
 
 
 class EmulatedDbc(SilentNode):
-    """One sensor, which samples from the time it is made on.
+    """One sensor, which samples from its creation on.
 
     Parameters
     ----------
     source : measured signal, in counts of the layout's scale (`scale`)
     clock : simulated clock
     sensor : its signals
-    rate : scans a second [Hz]
+    rate : scans per second [Hz]
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
-    lost, repeated : share of its frames that never reach the bus, and that come twice, at random
+    lost, repeated : shares of its frames that are lost, and that are repeated, at random
     seed : of that
 
     Raises
@@ -44,7 +44,7 @@ class EmulatedDbc(SilentNode):
         seed: int = 0,
     ) -> None:
         self._layout = read_layout(sensor)
-        self.scale = self._layout.scale  #: m/s2 a count of the source
+        self.scale = self._layout.scale  #: m/s2 per count of the source
         self.bytes_a_scan = _BYTES_A_FRAME * len(self._layout.messages)
         self._source, self._clock, self._rate = source, clock, rate * (1 + clock_error)
         self._lost, self._repeated, self._random = lost, repeated, np.random.default_rng(seed)

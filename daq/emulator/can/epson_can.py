@@ -32,7 +32,7 @@ class EmulatedEpsonCan:
     product : its name; more than four letters take several frames
     temperature : [degC]; None: not available
     apply_seconds : wall time without reply after the command to apply the settings; about 1 s in hardware
-    faults : spells in which its frames are lost, come twice, come by halves or it is dead; and where its counter begins
+    faults : intervals in which its frames are lost, repeated or cut, or it is dead; and the start of its counter
     """
 
     bytes_a_scan = 40  #: size of SLCAN lines: one of 8 bytes, one of 6
@@ -104,19 +104,19 @@ class EmulatedEpsonCan:
         return [(_HEARTBEAT + self.node, bytes([_INITIALISING]))] if command in _RESET else []
 
     def warm_to(self, temperature: float) -> None:
-        """Have another temperature from now on [degC]."""
+        """Change the temperature [degC]."""
         self._reset_objects[epson.TEMPERATURE] = _temperature(temperature)
         self._objects.set(epson.TEMPERATURE, temperature_raw(temperature) % 2**32)
 
     def power_cycle(self) -> None:
-        """Lose power for a moment: the node boots with its default settings and sends its boot message."""
+        """Interrupt the power: the node boots with its default settings and sends its boot message."""
         self._stand_still()
         self._hung, self._state = False, _PRE_OPERATIONAL
         self._objects = SdoServer(dict(self._reset_objects), self._written)
         self._unsent = [(_HEARTBEAT + self.node, bytes([_INITIALISING]))]
 
     def hang(self) -> None:
-        """Do nothing more until it is reset by its power."""
+        """Stop responding until the power is interrupted."""
         self._stand_still()
         self._hung = True
 

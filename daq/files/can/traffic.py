@@ -112,7 +112,7 @@ class LoggedSensor:
     """A sensor that was on a recorded bus."""
 
     device: str  #: its name
-    rate: float  #: scans a second [Hz]
+    rate: float  #: scans per second [Hz]
     sensor: DbcSensor
 
 
@@ -142,7 +142,7 @@ def import_can_log(
     path : of the file, one of `CAN_LOGS`
     out : of the log
     sensors : to look for
-    channels : which axis of which of them is which channel
+    channels : axis of a sensor for each channel
     attachments : name -> text, in addition to the channel map
     start : time of the file's first frame [ns UTC]. Default: that of the file
 
@@ -151,7 +151,7 @@ def import_can_log(
     DbcError
         If a DBC file cannot be used.
     DataError
-        If the file cannot be read, its clock runs backwards, it has no scan of a sensor, or they come at another rate.
+        If the file cannot be read, its times decrease, it has no scan of a sensor, or the scans have another rate.
     LogError
         If the log exists or cannot be made.
     """
@@ -211,7 +211,7 @@ class _Stream:
         steps = found.scans + found.missing - 1
         if abs(steps - rate * found.seconds) > max(2.0, _RATE_TOLERANCE * steps):
             raise DataError(
-                path, f"{device}: expected {rate:g} scans a second, found {steps / max(found.seconds, 1e-9):.4g}"
+                path, f"{device}: expected {rate:g} scans per second, found {steps / max(found.seconds, 1e-9):.4g}"
             )
 
     def _counted(self, block: Block) -> Iterator[Item]:

@@ -73,7 +73,7 @@ def _column(wanted: str, bare: Mapping[str, str]) -> str:
 
 
 def temperatures_of(path: Path, names: Sequence[str], asked: str | None) -> tuple[str, ...]:
-    """Return the columns of temperatures: by their unit, or by the names ``temperature..`` and ``temp``.
+    """Return the columns of temperatures by their unit, or by the names ``temperature..`` and ``temp``.
 
     Parameters
     ----------

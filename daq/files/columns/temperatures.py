@@ -24,7 +24,7 @@ def mean_temperature(path: Path, names: Sequence[str], values: FloatArray, rate:
     path : of their file
     names : of the columns
     values : (n_samples, n_columns) as in the file, NaN where there is no reading
-    rate : samples a second [Hz]
+    rate : samples per second [Hz]
 
     Raises
     ------

@@ -31,7 +31,7 @@ class UnevenError(ValueError):
 class Grid:
     """An even time grid."""
 
-    rate: float  #: samples a second [Hz]
+    rate: float  #: samples per second [Hz]
     index: IndexArray  #: (n_rows,) position of each row on the grid; skipped positions are missing samples
 
 

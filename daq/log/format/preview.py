@@ -33,7 +33,7 @@ class View:
 
     Parameters
     ----------
-    rate : scans a second [Hz]; of a device the nearest that divides its own, all of one that is slower
+    rate : scans per second [Hz]; of a device the nearest that divides its own, all of one that is slower
     """
 
     def __init__(self, rate: float) -> None:

@@ -39,7 +39,7 @@ pytestmark = pytest.mark.live
 
 RATE = 1000.0
 DBC = Path(__file__).parents[3] / "examples" / "imu.dbc"
-_COARSE = 2**-8  # m/s2 a count: 16 bits up to 13 g
+_COARSE = 2**-8  # m/s2 per count: 16 bits up to 13 g
 WIT = CanAddress(interface="slcan", channel="/dev/none", node=0x50, bitrate=250_000)
 #: a place where nothing is, and the serial number of the emulated device, if such a device can tell one
 DRIVERS: dict[str, tuple[str | CanPlace | TextAddress, str | None]] = {

@@ -93,7 +93,7 @@ def test_given_start_time_replaces_that_of_the_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("messages", "sensor", "message"),
     [
-        (traffic(), replace(IMU, rate=1000.0), "imu: expected 1000 scans a second, found 400"),
+        (traffic(), replace(IMU, rate=1000.0), "imu: expected 1000 scans per second, found 400"),
         (
             [m for m in traffic(100) if m.arbitration_id != 52],
             IMU,

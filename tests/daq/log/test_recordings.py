@@ -23,7 +23,7 @@ from daq import (
 from tests.support.daq.blocks import START
 
 CHANNELS = (Channel(name="a_x", device="a", axis=0), Channel(name="b_y", device="b", axis=1))
-RATE, SCALE = 200.0, 1e-6  # Hz; m/s2 a count
+RATE, SCALE = 200.0, 1e-6  # Hz; m/s2 per count
 TONE = 11.0  # Hz, of 1 m/s2
 KERNEL = 1e-4  # of the amplitude, -80 dB
 

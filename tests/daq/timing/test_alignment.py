@@ -12,7 +12,7 @@ import pytest
 from daq import Assembler, Block, Channel, Event, Flag, FloatArray, Gap, Item, McapWriter, Recording, read_log
 from tests.support.daq.blocks import START
 
-SCALE = 1e-6  # m/s2 a count: rounding is 5e-7
+SCALE = 1e-6  # m/s2 per count: rounding is 5e-7
 KERNEL = 1e-4  # of the amplitude, -80 dB
 CHANNELS = (Channel(name="a_x", device="a", axis=0), Channel(name="b_y", device="b", axis=1))
 TONES = {11.0: 1.0, 271.0: 0.5}  # Hz -> m/s2

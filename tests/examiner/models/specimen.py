@@ -93,7 +93,7 @@ class State:
     delay: FloatArray  #: (n_channels,) of each sensor [s]
     order: IndexArray  #: (n_channels,) sensor that each channel really is
     dead: tuple[str, ...] = ()
-    clock: float = 1.0  #: samples a second over what is claimed
+    clock: float = 1.0  #: samples per second over what is claimed
     temperature: float = REFERENCE_TEMPERATURE  #: what devices report
     loudness: float = 1.0  #: of the forces
     scale: Scale = Scale()

@@ -102,7 +102,7 @@ def simulate(
 
 
 def frame_with_higher_modes() -> Structure:
-    """Return the frame with modes beyond the eight, inside and outside the band of 1000 samples a second."""
+    """Return the frame with modes beyond the eight, inside and outside the band of 1000 samples per second."""
     low, rng = frame(), np.random.default_rng(7)
     higher = rng.standard_normal((4, len(FRAME_CHANNELS)))
     return Structure(

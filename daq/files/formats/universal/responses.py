@@ -47,7 +47,7 @@ class FrequencyResponses:
 
     @property
     def by_reciprocity(self) -> "FrequencyResponses":
-        """Responses at the places of the forces to forces at the outputs: those of a linear structure are the same."""
+        """Responses at the places of the forces to forces at the outputs, which a linear structure has in common."""
         coherence = None if self.coherence is None else self.coherence.transpose(0, 2, 1)
         swapped = self.response.transpose(0, 2, 1)
         return replace(self, response=swapped, outputs=self.inputs, inputs=self.outputs, coherence=coherence)
@@ -155,7 +155,7 @@ def write_responses(path: Path, responses: FrequencyResponses, header: Dataset) 
     ----------
     path : of the file, which is replaced
     responses : to write
-    header : of `header_set`
+    header : as returned by `header_set`
 
     Raises
     ------

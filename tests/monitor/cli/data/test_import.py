@@ -283,7 +283,7 @@ def test_data_inconsistent_with_the_site_is_refused(modalwatch: Commands, table:
     table.write_text(text)
     site.write_text(SITE.replace("rate = 100", "rate = 200"))
     done = modalwatch("import", table, "-o", tmp_path / "log.mcap", "--site", site)
-    assert_refused(done, "has 100 samples a second, device beam_left of", "200")
+    assert_refused(done, "has 100 samples per second, device beam_left of", "200")
     site.write_text(SITE.replace(', y = "beam_left_y"', ""))
     done = modalwatch("import", table, "-o", tmp_path / "log.mcap", "--site", site)
     assert done.code == 0
@@ -380,7 +380,7 @@ def test_can_log_is_imported_with_a_site_or_a_dbc_file(modalwatch: Commands, tra
         (("--dbc", "DBC", "--counter", "Counter", "--rate", 100, "--column", "accQ"), "has no signal 'accQ', did you"),
         (
             ("--dbc", "DBC", "--counter", "Counter", "--rate", 50, "--column", "accX"),
-            "import: expected 50 scans a second",
+            "import: expected 50 scans per second",
         ),
         (("--site", "SITE", "--structure", "NONE"), "NONE"),
     ],

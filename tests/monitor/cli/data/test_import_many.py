@@ -107,7 +107,7 @@ def test_incompatible_files_are_refused(modalwatch: Commands, tables: list[Path]
         ("other.csv", "other.csv: begins 3 s before"),
         ("0000.csv", "0000.csv: begins 5 s before"),
         ("late.csv", "only one of them has beam_left_z, z"),
-        ("slow.csv", "slow.csv: has 50 samples a second, "),
+        ("slow.csv", "slow.csv: has 50 samples per second, "),
         ("bare.csv", "bare.csv: states no dates"),
     ):
         assert_refused(modalwatch("import", *tables[:3], tmp_path / wrong, "-o", log), says)
