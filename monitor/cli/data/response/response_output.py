@@ -9,7 +9,8 @@ from monitor.cli.terminal import new_table
 from monitor.results.response import Motion, ResponseFound, SectionStress, SensorError
 from monitor.text.quantities import aligned_numbers, duration_words, two_digits
 
-_SHOWN = {"m/s2": ("m/s2", 1.0), "m/s": ("mm/s", 1e3), "m": ("mm", 1e3)}
+_PREFIXES = (("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9))  # of units, and the factor of a value in SI units
+_LEAST_SHOWN = 0.1  # of the rms in the unit that is printed
 _LONGEST = 1e4  # years, beyond which no life is printed
 _MPA = 1e-6
 
@@ -31,18 +32,23 @@ def say_response(console: Console, found: ResponseFound) -> None:
 
 def _say_motions(console: Console, motions: Sequence[Motion]) -> None:
     table = new_table(("position [m]", "motion", "unit"), ("rms", "largest"), no_wrap=True)
-    scales = [_SHOWN[motion.rms.unit] for motion in motions]
-    pairs = [(k * m.rms.value, k * m.rms.std) for m, (_, k) in zip(motions, scales, strict=True)]
-    for motion, (unit, scale), rms in zip(motions, scales, aligned_numbers(pairs), strict=True):
+    prefixes = [_prefix(motion.rms.value) for motion in motions]
+    pairs = [(k * m.rms.value, k * m.rms.std) for m, (_, k) in zip(motions, prefixes, strict=True)]
+    for motion, (prefix, scale), rms in zip(motions, prefixes, aligned_numbers(pairs), strict=True):
         place = ", ".join(f"{value:.3f}" for value in motion.position)
         table.add_row(
             place,
             f"{motion.quantity} {motion.axis}",
-            unit,
+            prefix + motion.rms.unit,
             rms,
             rounded_text(scale * motion.largest, scale * motion.rms.std),
         )
     console.print(table)
+
+
+def _prefix(value: float) -> tuple[str, float]:
+    """Return the prefix of the unit in which a value has digits before, or just behind, its point; and its factor."""
+    return next((one for one in _PREFIXES if one[1] * value >= _LEAST_SHOWN), _PREFIXES[-1])
 
 
 def _say_sections(console: Console, sections: Sequence[SectionStress]) -> None:
