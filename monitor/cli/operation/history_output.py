@@ -142,7 +142,8 @@ def _trends(trends: dict[int, list[TrendPoint]]) -> Table:
 
 
 def _events(events: list[EventRow]) -> Table:
-    table = new_table(("time", "event"), no_wrap=True, title="events", title_justify="left")
+    table = new_table(("time",), no_wrap=True, title="events", title_justify="left")
+    table.add_column("event")
     for event in events[-_MAX:]:
         table.add_row(utc(event.time), escape(event_sentence(event.topic, json.loads(event.json))))
     return table

@@ -90,7 +90,7 @@ def _say_plan(site: Site) -> None:
 
 
 def _table(site: Site, found: dict[str, Probe | str]) -> Table:
-    table = new_table(("device", "who"), ("Hz", "lost", "°C", "mean [m/s²]", "rms [m/s²]"))
+    table = new_table(("device", "who"), ("Hz", "lost", "°C", "mean [m/s²]", "rms [m/s²]"), overflow="fold")
     for device in site.settings.device:
         what = found[device.name]
         if isinstance(what, str):
