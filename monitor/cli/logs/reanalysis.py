@@ -27,6 +27,7 @@ from monitor.cli.options import DONE, NEEDS_A_PERSON
 from monitor.cli.terminal import console, progress
 from monitor.errors import ArgumentError
 from monitor.service.site import load_site
+from monitor.text.quantities import counted
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -122,7 +123,7 @@ def _print_plan(planned: Sequence[tuple[ArchiveLog, LogTexts | str]], out: Path)
             missing = [each for each in log.pieces if not read_steps(out / "steps" / steps_key(each, texts))]
             state, new = _state(len(missing), len(log.pieces)), new + sum(each.size for each in missing)
         console.print(f"{escape(log.name)}: {escape(state)}", soft_wrap=True)
-    console.print(f"{len(planned)} logs, {new / 1e6:.1f} MB to be read; nothing is written")
+    console.print(f"{counted(len(planned), 'log')}, {new / 1e6:.1f} MB to be read; nothing is written")
 
 
 def _state(n_missing: int, n_pieces: int) -> str:

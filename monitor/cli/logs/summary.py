@@ -64,11 +64,11 @@ def _mean(values: list[float]) -> float | None:
 
 def _say(log: AnyLog, info: LogInfo) -> None:
     names = ("Hz", "axes", "scans", "s", "gaps", "missing", "restarts", "°C")
-    table = new_table(("device",), names, no_wrap=True, title=escape(log.name))
+    table = new_table(("device",), names, no_wrap=True, pad_edge=False, title=escape(log.name))
     for name, device in info.devices.items():
         temperature = _mean(device.temperatures)
         figures = [f"{device.rate:g}", str(device.n_axes), str(device.n_scans)]
-        figures += [f"{(device.end - device.start) * 1e-9:.2f}", str(device.gaps), str(device.missing)]
+        figures += [f"{(device.end - device.start) * 1e-9:.1f}", str(device.gaps), str(device.missing)]
         figures += [str(device.restarts), "-" if temperature is None else f"{temperature:.1f}"]
         table.add_row(escape(name), *figures)
     console.print(table)
