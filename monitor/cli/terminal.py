@@ -57,9 +57,9 @@ def keep_stdout_free() -> None:
 
 def echo(text: str, *, nl: bool = True, err: bool = False) -> None:
     """Print a text without markup, its control characters as escapes; above a progress bar that is shown."""
-    above_bar = sys.stdout if isinstance(sys.stdout, FileProxy) else None  # typer prints to the stream behind it
+    stdout, is_bar_shown = sys.stdout, isinstance(sys.stdout, FileProxy)  # behind it is the stream that typer prints to
     other = err or console.stderr
-    typer.echo(printable(text), file=None if other else above_bar, nl=nl, err=other)
+    typer.echo(printable(text), file=stdout if is_bar_shown and not other else None, nl=nl, err=other)
 
 
 def warn(text: str) -> None:

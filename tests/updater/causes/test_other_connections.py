@@ -9,10 +9,10 @@ from scipy.stats import chi2
 from monitor.analysis.explanation import explain
 from monitor.text.causes import other_texts
 from tests.examiner.cases import N_BEFORE, Case, draw
-from tests.examiner.draws import vector
 from tests.examiner.path import after, observation, structure_of
 from tests.examiner.signals import estimated
 from updater.diagnosis import Cause, OtherStiffness
+from updater.quantities import vector
 
 CELL = "portal: support_stiffness"  # one of two feet has lost 40 to 90 % of its stiffness about each axis
 SURE = 0.999  # of a right estimate, that it passes
@@ -62,9 +62,10 @@ def test_deviations_cover_feet_that_did_not_change() -> None:
 
 
 def test_text_states_other_feet_by_place_and_axis() -> None:
-    where = {"name": "foot of the left post", "position": (0.0, 0.0, 0.0)}
-    about_x = OtherStiffness(**where, parameter="stiffness_rx", change_percent=1.3, std_percent=4.2)
-    along_z = OtherStiffness(**where, parameter="stiffness_z", change_percent=-31.0, std_percent=5.0)
+    about_x = OtherStiffness(
+        name="foot of the left post", position=(0, 0, 0), parameter="stiffness_rx", change_percent=1.3, std_percent=4.2
+    )
+    along_z = about_x.model_copy(update={"parameter": "stiffness_z", "change_percent": -31.0, "std_percent": 5.0})
     cause = Cause(cause="support_stiffness", where=None, parameters={}, probability=1.0)
     assert other_texts(cause) == []
     one, both = (cause.model_copy(update={"others": others}) for others in ((about_x,), (about_x, along_z)))
