@@ -43,6 +43,8 @@ class DetectabilityStudy:
     record: Record
     reference: Reference  #: the structure file taken at its word, with the errors expected of a record's modes
     places: AddedMass  #: possible places of a body: positions and modal motions, which do not depend on sensors
+    #: (n_modes, n_modes, 3, n_places) changes of modal mass per kilogram, and per kilogram and metre of the two offsets
+    modal_mass: FloatArray
 
     @cached_property
     def bodies(self) -> AddedMass:
@@ -79,7 +81,7 @@ class DetectabilityStudy:
         """Return the same with longer or shorter records."""
         calibration = self.reference.calibration
         record = replace(self.record, seconds=seconds)
-        return _outlook(calibration.model, calibration.modes, record, self.places)
+        return _outlook(calibration.model, calibration.modes, record, self)
 
     def weakest_mass(self, power: float = 0.95) -> FloatArray:
         """Return the least mass at each place (n_places,) that raises the alarm [kg]; infinite where none does.
@@ -110,28 +112,20 @@ class DetectabilityStudy:
         return sharpest(self._data, self.places, mass)
 
     @cached_property
-    def _modal_mass(self) -> FloatArray:
-        """Changes of modal mass a kilogram, and a kilogram and metre of offset (3, n_places, n_modes, n)."""
-        here, beside, paired = self.places.translation, self.places.by_offset, self.reference.paired
-        own = np.einsum("pak,pai->pki", here, here[:, :, paired])
-        offset = np.einsum("opak,pai->opki", beside, here[:, :, paired])
-        offset += np.einsum("pak,opai->opki", here, beside[:, :, :, paired])
-        return np.concatenate([own[None], offset])
-
-    @cached_property
     def _log_frequency(self) -> FloatArray:
         """Changes of log frequency (3, n_places, n)."""
         paired = self.reference.paired
-        return np.asarray(-0.5 * self._modal_mass[:, :, paired, np.arange(len(paired))])
+        return np.moveaxis(-0.5 * self.modal_mass[paired, paired], 0, 2)
 
     @cached_property
     def _data(self) -> FloatArray:
         """The same with the changes of shapes, over their errors (3, n_places, n + n n_rows)."""
         paired, omega2 = self.reference.paired, self.reference.frequency**2
-        gap = omega2[:, None] / omega2[paired] - 1
-        turned = gap / (gap**2 + (2 * self.record.damping) ** 2) * self._modal_mass  # bounded where modes coincide
-        moved = self._of_modes @ turned.transpose(3, 2, 0, 1).reshape(len(paired), len(omega2), -1)
-        shape = moved.reshape(-1, *turned.shape[:2]).transpose(1, 2, 0)
+        gap = omega2 / omega2[paired, None] - 1
+        turned = gap / (gap**2 + (2 * self.record.damping) ** 2)  # (n, n_modes), bounded where modes coincide
+        shares = self.modal_mass[paired].reshape(len(paired), len(omega2), -1)
+        moved = (self._of_modes * turned[:, None]) @ shares
+        shape = np.moveaxis(moved.reshape(-1, *self.modal_mass.shape[2:]), 0, 2)
         std = np.sqrt(2) * self.record.log_frequency_std(self.frequency)
         rest = without(self._log_frequency / std, COMMON_STD / std)
         return np.concatenate([rest, shape], axis=2)
@@ -226,12 +220,13 @@ def with_sensors(outlook: DetectabilityStudy, sensors: tuple[Sensor, ...]) -> De
     """
     calibration = outlook.reference.calibration
     structure = calibration.structure.model_copy(update={"sensor": sensors})
-    return _outlook(replace(calibration.model, structure=structure), calibration.modes, outlook.record, outlook.places)
+    return _outlook(replace(calibration.model, structure=structure), calibration.modes, outlook.record, outlook)
 
 
 def _outlook(
-    model: Model, modes: Modes, record: Record, places: AddedMass | None = None, *, spacing: float = _USUAL
+    model: Model, modes: Modes, record: Record, known: DetectabilityStudy | None = None, *, spacing: float = _USUAL
 ) -> DetectabilityStudy:
+    """Return a study, with the places of one that is `known` of the same modes."""
     seen = told_apart(model, modes, record)
     if len(seen) < 3 or len(model.structure.sensor) < 2:
         raise ModelError(
@@ -239,9 +234,18 @@ def _outlook(
             f"{record.highest:g} Hz, found {len(model.structure.sensor)} that measure {len(seen)}"
         )
     reference = expected_reference(model, modes, seen, record)
-    if places is None:
-        places = propose_added_mass(reference, compare(reference, reference.baseline), spacing)
-    return DetectabilityStudy(record=record, reference=reference, places=places)
+    if known is not None:
+        return replace(known, record=record, reference=reference)
+    places = propose_added_mass(reference, compare(reference, reference.baseline), spacing)
+    return DetectabilityStudy(record=record, reference=reference, places=places, modal_mass=_modal_mass(places))
+
+
+def _modal_mass(places: AddedMass) -> FloatArray:
+    here = places.translation  # (n_places, 3, n_modes)
+    rows = here.transpose(0, 2, 1)
+    offset = rows @ places.by_offset
+    changes = np.stack([rows @ here, *(offset + offset.transpose(0, 1, 3, 2))])
+    return np.ascontiguousarray(changes.transpose(2, 3, 0, 1))
 
 
 def heaviest(outlook: DetectabilityStudy) -> float:
