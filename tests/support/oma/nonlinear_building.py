@@ -16,6 +16,7 @@ from daq import Channel, FloatArray, Recording
 
 RATE = 50.0  #: samples per second [Hz]
 _STEPS = 4  # per sample
+_AT_ONCE = 3000  # samples whose forces are drawn together
 STOREYS = 4
 _LOWEST = 2.0  # frequency of the linear building [Hz]
 DAMPING = np.array([0.008, 0.006, 0.01, 0.012])
@@ -102,19 +103,20 @@ class Building:
         self.force = float(np.sqrt(RATE * _STEPS / (self.shape[0] ** 2 / (4 * DAMPING * omega**3)).sum()))
         self._element = replace(element, slid=0.0)  # not where another building has left it
 
-    def sample(self, state: FloatArray, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the state (n, 2 n_floors) after a sample, and the mean accelerations (n, n_floors) within it.
+    def motion(self, state: FloatArray, forces: FloatArray) -> FloatArray:
+        """Return the states (n_steps, n, 2 n_floors) after each step.
 
         Parameters
         ----------
-        forces : (n, n_steps, n_floors)
+        state : (n, 2 n_floors) before the first step
+        forces : (n_steps, n, n_floors)
         """
-        before = state[:, STOREYS:]
-        for k in range(_STEPS):
-            force = forces[:, k].copy()
-            force[:, 0] -= self.storey * self._element.force(state[:, 0], state[:, STOREYS])
-            state = state @ self._forward + force @ self._pushed
-        return state, (state[:, STOREYS:] - before) * RATE
+        found, reaction = forces @ self._pushed, self.storey * self._pushed[0]
+        for after in found:
+            force = self._element.force(state[:, 0], state[:, STOREYS])
+            after += state @ self._forward - force[:, None] * reaction
+            state = after
+        return found
 
 
 def vibrations(
@@ -139,9 +141,13 @@ def vibrations(
     time = np.arange(int(seconds * RATE)) / RATE
     level = building.force * np.array([modulation(time, rng) for rng in rngs]).T
     state, found = np.zeros((len(rngs), 2 * STOREYS)), np.empty((len(time), len(rngs), STOREYS))
-    for k, of_sample in enumerate(level):
-        forces = np.array([rng.standard_normal((_STEPS, STOREYS)) for rng in rngs])
-        state, found[k] = building.sample(state, of_sample[:, None, None] * forces @ excited)
+    for start in range(0, len(time), _AT_ONCE):
+        part = level[start : start + _AT_ONCE]
+        drawn = np.stack([rng.standard_normal((len(part), _STEPS, STOREYS)) for rng in rngs], axis=2)
+        forces = part[:, None, :, None] * drawn @ excited
+        states = building.motion(state, forces.reshape(-1, len(rngs), STOREYS))
+        velocity = np.concatenate([state[None], states[_STEPS - 1 :: _STEPS]])[..., STOREYS:]
+        state, found[start : start + _AT_ONCE] = states[-1], np.diff(velocity, axis=0) * RATE
     channels = tuple(Channel(name=f"floor_{k + 1}", device="logger", axis=k) for k in range(STOREYS))
     return [
         Recording(channels=channels, data=_noisy(found[:, k], noise, rng), rate=RATE, start=0)
@@ -164,11 +170,10 @@ def free_decay(element: Element, mode: int, drift: float, seconds: float) -> tup
     """
     building = Building(element)
     shape = building.shape[:, mode] / building.shape[0, mode]
-    state, quiet = np.concatenate([drift * shape, np.zeros(STOREYS)])[None], np.zeros((1, _STEPS, STOREYS))
-    motion = []
-    for _ in range(int(seconds * RATE)):
-        motion.append(float(state[0, :STOREYS] @ shape / (shape @ shape)))
-        state, _ = building.sample(state, quiet)
+    state = np.concatenate([drift * shape, np.zeros(STOREYS)])[None]
+    states = building.motion(state, np.zeros((int(seconds * RATE) * _STEPS, 1, STOREYS)))
+    every = np.concatenate([state[None], states[_STEPS - 1 : -1 : _STEPS]])[:, 0, :STOREYS]  # at each sample
+    motion = every @ shape / (shape @ shape)
     analytic = scipy.signal.hilbert(motion)
     width = int(3 * RATE / building.frequency[mode])
     amplitude, phase = np.abs(analytic), np.unwrap(np.angle(analytic))
