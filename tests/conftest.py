@@ -8,17 +8,23 @@ import pytest
 from tests.support.monitor.cli import Commands
 
 _LONG = (
-    "test_hidden_mass.py",
-    "diagnosis/test_diagnosis.py",
-    "examined/test_modes.py",
-    "test_csv_diagnosis.py",
-    "examined/test_records.py",
+    "contracts/test_fuzzed_readers.py",
+    "test_breathing_crack.py",
+    "test_rig_crack.py",
+    "test_small_crack.py",
+    "test_rigid_file.py",
+    "live/test_innovations.py",
+    "test_amplitude_dependence.py",
+    "test_further_measurements.py",
+    "reference/test_section_orientation.py",
+    "data/test_structure.py",
     "test_report.py",
+    "watch/test_acceptance.py",
+    "watch/test_memory.py",
+    "examples/test_notebooks.py",
+    "fe/external/test_solid_bracket.py",
     "oma/test_identification.py",
     "test_replay_data.py",
-    "test_no_mass_claimed.py",
-    "test_one_mass.py",
-    "test_restart.py",
 )
 
 

@@ -80,7 +80,8 @@ def _springs_named(seed: int, left: tuple[float, float]) -> dict[str, tuple[floa
     return {c.name: (c.after, true.get(c.name, 0.0), c.std) for cause in found.causes for c in cause.changes}
 
 
-@pytest.mark.parametrize("seed", few_of([3, 5, 8, 9]))
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", [3, 5, 8, 9])
 def test_bearing_that_is_calibrated_to_a_missing_body_is_not_named(seed: int) -> None:
     """One of 50 MN/m along the axis, rigid in the file: seed 3 named it too, the others were refused."""
     named = _springs_named(seed, (1.0, 0.4))

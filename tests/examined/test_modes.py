@@ -90,6 +90,7 @@ def test_diagnosis_from_modes_matches_the_applied_change(cell: str, seed: int) -
     assert judged.fine, judged
 
 
+@pytest.mark.thorough
 def test_pair_that_is_fourth_to_first_order_is_named() -> None:
     """A foot with a stretch fits too, with p = 0.6."""
     case = draw("local_stiffness + added_mass", 156)

@@ -144,6 +144,7 @@ def test_body_is_found_in_addition_to_file_errors() -> None:
     assert abs(body["parameters"]["mass"]["value"] - true.parameters["mass"]) < 3 * body["parameters"]["mass"]["std"]
 
 
+@pytest.mark.thorough
 def test_masses_that_the_file_has_wrong_are_not_a_body() -> None:
     """A mast with walls up to 0.8 % off, a density 1 % off, housings of 0.35 to 0.63 kg: 2 kg at its top fit as well.
 

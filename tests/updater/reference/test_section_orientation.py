@@ -49,9 +49,10 @@ def _observed(portal: Portal, foot: float, random: np.random.Generator) -> Obser
     return observed(portal, frequency, shape, 0, random)
 
 
-@pytest.mark.parametrize("seed", few_of(list(range(16))))
-@pytest.mark.parametrize("members", [(), POSTS, BEAM, POSTS + BEAM])
-def test_members_with_exchanged_dimensions_are_named(seed: int, members: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(
+    ("members", "seed"), few_of([(m, seed) for seed in range(16) for m in ((), BEAM, POSTS, POSTS + BEAM)])
+)
+def test_members_with_exchanged_dimensions_are_named(members: tuple[str, ...], seed: int) -> None:
     portal, foot, random = _drawn(seed)
     file = _exchanged(portal.file(), members)
     found = exchanged_sections(file, mean_modes(_observed(portal, foot, random).modes))
@@ -131,12 +132,14 @@ def test_unexplained_change_has_a_note_on_the_sections() -> None:
     assert explain(portal.file(), before, now, only=("temperature",)).diagnosis.exchanged_sections is None
 
 
-@pytest.mark.parametrize("members", [POSTS, pytest.param(BEAM, marks=pytest.mark.thorough)])
-def test_change_is_unexplained_by_a_model_that_does_not_fit_the_reference(members: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(("members", "only"), few_of([(POSTS, ("support_stiffness",)), (POSTS, ()), (BEAM, ())]))
+def test_change_is_unexplained_by_a_model_that_does_not_fit_the_reference(
+    members: tuple[str, ...], only: tuple[str, ...]
+) -> None:
     """A foot softens by 65 %; exchanged sections of some members leave 6 % of the frequencies, a right file 0.1 %."""
     portal, random = Portal(0.025, 0.02, 0.002, 0.9, 1.2), np.random.default_rng(96)
     before, now = _observed(portal, LEFT, random), _observed(portal, 0.35 * LEFT, random)
-    found = explain(_rigid(_exchanged(portal.file(), members)), before, now).diagnosis
+    found = explain(_rigid(_exchanged(portal.file(), members)), before, now, only=only).diagnosis
     print(found)
     assert found.verdict == "unexplained"
     assert found.calibration

@@ -101,6 +101,7 @@ def test_sensors_are_predicted_from_the_other_places(modalwatch: Commands, folde
     assert np.sqrt(np.nanmean((predicted - measured) ** 2)) == pytest.approx(own["error"], rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_gap_of_a_sensor_leaves_its_other_samples(modalwatch: Commands, case: UnmeasuredPoints, tmp_path: Path) -> None:
     """One place has a device of its own; its gap of 0.4 s is none of the others."""
     (tmp_path / "structure.toml").write_text(t_structure_toml(), encoding="utf-8")

@@ -43,6 +43,7 @@ def kept(url: str) -> list[int]:
     return sorted((row["end"] - START) // STEP for row in rows(url, "diagnoses"))
 
 
+@pytest.mark.thorough
 def test_two_week_alarm_keeps_few_diagnoses(tmp_path: Path) -> None:
     """A mass of 302 ± 5 g, each time from the newest 100 windows; after ten days it is 330 g."""
     url, draw = sqlite_url(tmp_path), random.Random(1)

@@ -131,6 +131,7 @@ def test_weak_panel_of_a_table_is_named_and_written(table: Path) -> None:
     assert after.group["panel_10"].factor == pytest.approx(0.7 * before.group["panel_10"].factor, rel=0.03)
 
 
+@pytest.mark.thorough
 def test_mesh_that_is_coarse_brings_in_no_further_cause(tmp_path: Path) -> None:
     """Frequencies of this mesh are up to 13 % too high. A body of 75 g was named in addition when this was unknown."""
     effect = "panel at a corner"

@@ -207,7 +207,7 @@ def _mass_error(folder: Path, seed: int, share: tuple[float, float] = (0.0058, 0
     return float((mass.value - body[2]) / mass.std)
 
 
-@pytest.mark.parametrize(("seed", "share"), [(2, (0.0058, 0.0231)), (111, (0.0231, 0.0232))])
+@pytest.mark.parametrize(("seed", "share"), few_of([(111, (0.0231, 0.0232)), (2, (0.0058, 0.0231))]))
 def test_mass_on_a_coarse_mesh_has_a_deviation_that_contains_its_error(
     tmp_path: Path, seed: int, share: tuple[float, float]
 ) -> None:
