@@ -104,5 +104,9 @@ def distance(deviation: FloatArray, covariance: FloatArray) -> tuple[FloatArray,
     """
     seen = np.isfinite(deviation)
     there = np.where(seen, deviation, 0.0)
-    squared = (there * np.linalg.solve(_known(deviation, covariance), there[..., None])[..., 0]).sum(-1)
-    return squared, seen.sum(-1)
+    known = _known(deviation, covariance)
+    if known.ndim == 2:  # one for all: solved once
+        solved = np.linalg.solve(known, there.reshape(-1, len(known)).T).T.reshape(there.shape)
+    else:
+        solved = np.linalg.solve(known, there[..., None])[..., 0]
+    return (there * solved).sum(-1), seen.sum(-1)

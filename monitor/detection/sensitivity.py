@@ -38,7 +38,7 @@ def detectable_change(watched: LawState, judged: ScoredWindows) -> Detectable:
     covariance = lasting + variance * np.eye(p)
     alone_std = 1 / np.sqrt(np.diagonal(np.linalg.inv(covariance)))
     changes = np.vstack([np.ones(p), np.eye(p)]) / law.scale  # (1 + p, p), whitened
-    found = [np.array([_jump(change, covariance, law, float(judged.limit[0, -1])) for change in changes])]
+    found = [_jump(changes, covariance, law, float(judged.limit[0, -1]))]
     for weight, limit in zip(WEIGHTS, judged.limit[1:, -1], strict=True):
         fast = averaged(weight, watched.watching.overlap)[0] * variance
         squared = distance(changes, lasting + fast * np.eye(p))[0] / p
@@ -80,11 +80,12 @@ def least_unsure(watched: LawState, judged: ScoredWindows) -> float | None:
 
 def _least(law: Law, age: FloatArray | None, judged: ScoredWindows, terms: FloatArray, seen: BoolArray) -> float:
     covariance = law.lasting(terms, age)[-1] + law.fast * judged.variance[-1] * np.eye(len(law.scale))
-    found = _jump(np.where(seen, 1 / law.scale, np.nan), covariance, law, float(judged.limit[0, -1]))
-    return min(found, float(_SIZES[-1]))
+    found = _jump(np.where(seen, 1 / law.scale, np.nan)[None], covariance, law, float(judged.limit[0, -1]))
+    return min(float(found[0]), float(_SIZES[-1]))
 
 
-def _jump(change: FloatArray, covariance: FloatArray, law: Law, limit: float) -> float:
-    """Return the factor on a whitened change (n_tracks,) that brings one window to the jump's limit, inf if none."""
-    squared, n = distance(tamed(_SIZES[:, None] * change, covariance, law.tail), covariance)
-    return float(np.exp(np.interp(np.log(limit), np.log(squared / n), np.log(_SIZES), right=np.inf)))
+def _jump(changes: FloatArray, covariance: FloatArray, law: Law, limit: float) -> FloatArray:
+    """Return the factors (n,) that bring whitened changes (n, n_tracks) to the limit of the jump; infinite if none."""
+    squared, n = distance(tamed(_SIZES[:, None] * changes[:, None], covariance, law.tail), covariance)
+    level, sizes = np.log(squared / n), np.log(_SIZES)
+    return np.asarray(np.exp([np.interp(np.log(limit), own, sizes, right=np.inf) for own in level]))
