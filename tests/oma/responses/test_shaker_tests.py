@@ -14,7 +14,7 @@ from tests.support.oma.shaker_test import ShakerTest
 
 TRUTH = tower()
 POOR = ShakerTest(poor=2)
-N_TESTS = 4
+N_TESTS = 2
 N_NOISE = 16
 
 

@@ -54,6 +54,7 @@ class Played:
         self.hidden: tuple[int, ...] = ()  # modes that no window shows
         self.dead: dict[str, str] = {}  # channels that none hears, and why
         self._gain = 1 + 0.003 * self._random.standard_normal(12)
+        self._known: dict[Body | None, ModalEstimate] = {}  # modes with a body, computed once
         self._modes = self._true_modes(None)
         self.text = site_text()
         self.structure: Structure | None = parse_structure(t_structure_toml())
@@ -70,6 +71,11 @@ class Played:
 
     def _true_modes(self, body: Body | None) -> ModalEstimate:
         """Return the modes as they would be measured without errors, with the deviations that these would have."""
+        if body not in self._known:
+            self._known[body] = self._computed(body)
+        return self._known[body]
+
+    def _computed(self, body: Body | None) -> ModalEstimate:
         model = true_model(np.random.default_rng((self._seed, 1)), body)
         exact = measure(model, np.random.default_rng(0), self._gain, noise=0.0, shape_noise=0.0)
         std = _NOISE * np.sqrt(10 / exact.frequency) * exact.frequency

@@ -93,14 +93,16 @@ def learnt(seed: int, already: Change | None = None) -> tuple[Reference, Model, 
 class MeasuredAgain:
     """A frame that is measured before and after a change, then with a further sensor or a known mass.
 
-    Sensors of the column alone move alike for mirror images on the crossbeam.
+    Sensors of the column alone move alike for mirror images on the crossbeam. The search may be limited to some causes.
     """
 
-    def __init__(self, seed: int, change: Change, channels: tuple[str, ...] = CHANNELS) -> None:
+    def __init__(
+        self, seed: int, change: Change, channels: tuple[str, ...] = CHANNELS, only: tuple[str, ...] = ()
+    ) -> None:
         self._random, self._channels = np.random.default_rng((seed, 1)), channels
         self._bare = true_model(np.random.default_rng((seed, 2)))
         self._gain = 1 + 0.005 * self._random.standard_normal(len(channels))
-        self._change = change
+        self._change, self._only = change, only
         self._before = self._windows(self._with(self._bare.structure), 8)
         self._now = self._windows(change.of(self._bare).structure, 5)
 
@@ -157,7 +159,7 @@ class MeasuredAgain:
             return matched(reference.baseline, reference.mean_of(stack_tracks(windows, [TRACK] * len(windows))))
 
         known = (KnownMass(mass=mass[0], position=mass[1], modes=event(mass[2])),) if mass else ()
-        return diagnose(reference, event(now), circumstances=Circumstances(known_masses=known))
+        return diagnose(reference, event(now), circumstances=Circumstances(known_masses=known), only=self._only)
 
 
 def names(diagnosis: Diagnosis) -> list[str]:

@@ -20,7 +20,7 @@ BODY = Body(at=(0.25, 0.0, 1.48), mass=0.3)
 
 @pytest.fixture(scope="module")
 def site() -> MeasuredAgain:
-    return MeasuredAgain(SEED, Change((BODY,)), COLUMN)
+    return MeasuredAgain(SEED, Change((BODY,)), COLUMN, only=("added_mass",))
 
 
 @pytest.fixture(scope="module")

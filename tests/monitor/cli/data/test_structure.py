@@ -104,6 +104,7 @@ def test_structure_writes_json_and_a_picture(modalwatch: Commands, tmp_path: Pat
     assert found["target"] is None
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_member_without_modal_motion_has_no_detectable_mass(modalwatch: Commands, tmp_path: Path) -> None:
     """It is a third of all places, and needs masses without bounds."""
     path = tmp_path / "bar.toml"
@@ -233,6 +234,7 @@ def test_sensors_are_compared_with_channels(modalwatch: Commands, tmp_path: Path
     assert_refused(modalwatch("structure", bar, "--channels", tmp_path / "none.toml"), "none.toml: cannot be read")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_record_is_as_long_as_the_log_of_the_channels(modalwatch: Commands, tmp_path: Path) -> None:
     bar, table, log = tmp_path / "bar.toml", tmp_path / "log.csv", tmp_path / "log.mcap"
     bar.write_text(cantilever((0.5, "y"), (1.0, "y")))
