@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from monitor.text.diagnosis import mass_test_text
+from tests.support.thorough import few_of
 from tests.support.updater.diagnosis_data import COLUMN, HALF, TOP, Change, MeasuredAgain, learnt
 from updater import Body, Circumstances, DiagnosisResult, diagnose
 from updater.diagnosis import Measurement, Separation
@@ -45,7 +46,7 @@ def seeds(default: int, thorough: int) -> list[object]:
     return [*range(1, default + 1), *more]
 
 
-@pytest.mark.parametrize("seed", seeds(2, 21))
+@pytest.mark.parametrize("seed", seeds(1, 21))
 def test_sensor_where_it_is_advised_decides_between_mirror_images(seed: int) -> None:
     body = body_on_the_crossbeam(seed)
     site = MeasuredAgain(seed, Change((body,)), COLUMN)
@@ -56,7 +57,7 @@ def test_sensor_where_it_is_advised_decides_between_mirror_images(seed: int) -> 
     assert_is_body(site.with_sensor(sensor.position, sensor.axis), body)
 
 
-@pytest.mark.parametrize("seed", seeds(2, 41))
+@pytest.mark.parametrize("seed", seeds(1, 41))
 def test_errors_of_a_further_sensor_are_no_change(seed: int) -> None:
     random = np.random.default_rng((seed, 0))
     at, axis = (float(random.uniform(-HALF, HALF)), 0.0, TOP), "yz"[random.integers(2)]
@@ -75,7 +76,7 @@ def test_known_mass_decides_between_mirror_images(seed: int) -> None:
     assert test.p_value > 1e-4
 
 
-@pytest.mark.parametrize(("seed", "name"), [(1, "stiffness"), (2, "density")])
+@pytest.mark.parametrize(("seed", "name"), few_of([(2, "density"), (1, "stiffness")]))
 def test_known_mass_where_it_is_advised_decides_between_stiffness_and_density(seed: int, name: str) -> None:
     change = Change(stiffness=0.96) if name == "stiffness" else Change(density=1.04)
     site = MeasuredAgain(seed, change)
@@ -109,7 +110,7 @@ def test_known_mass_without_a_common_mode_decides_nothing() -> None:
 def test_record_with_a_known_mass_of_another_state_is_left_out(seed: int) -> None:
     """The record with the mass is of the frame before a body was added: no cause explains it and the one after."""
     body = body_on_the_crossbeam(seed)
-    site = MeasuredAgain(seed, Change((body,)))
+    site = MeasuredAgain(seed, Change((body,)), only=("added_mass",))
     found = site.with_mass((HALF, 0.0, TOP), 0.15, Change())
     (test,) = found.diagnosis.mass_tests
     assert test.left_out
@@ -121,7 +122,7 @@ def test_record_with_a_known_mass_of_another_state_is_left_out(seed: int) -> Non
 def test_heavy_known_mass_is_predicted() -> None:
     """5 kg, more than half of the frame's mass: shifts by up to half, modes pass others."""
     body = body_on_the_crossbeam(1)
-    found = MeasuredAgain(1, Change((body,))).with_mass((0.35, 0.0, TOP), 5.0)
+    found = MeasuredAgain(1, Change((body,)), only=("added_mass",)).with_mass((0.35, 0.0, TOP), 5.0)
     assert_is_body(found, body)
     (test,) = found.diagnosis.mass_tests
     assert test.p_value > 1e-3
