@@ -21,7 +21,7 @@ from tests.support.monitor.rig import ORIGIN, rig_blocks, rig_settings, t_frame
 from updater import Reference
 
 SEED = 101
-LEARNED, CHANGE, END = 390.0, 400.3, 412.0  # s
+LEARNED, CHANGE, END = 270.0, 280.3, 292.0  # s
 WINDOW = 20.0  # s
 
 
@@ -122,12 +122,12 @@ def test_level_of_the_excitation_is_no_change(learned: Learned) -> None:
 
 
 def test_filter_starts_again_after_a_gap(learned: Learned) -> None:
-    device, begin, end = learned.later[0].device, *(ORIGIN + t * 1e9 for t in (394.0, 394.5))
+    device, begin, end = learned.later[0].device, *(ORIGIN + t * 1e9 for t in (274.0, 274.5))
     kept = [block for block in learned.unchanged if not (block.device == device and begin < block.arrival_time < end)]
     found = learned.innovations(kept)
     assert not any(one.over for one in found)
-    assert not any(394.5 < seconds_of(one) < 395 for one in found)
-    assert any(seconds_of(one) > 397 for one in found)
+    assert not any(274.5 < seconds_of(one) < 275 for one in found)
+    assert any(seconds_of(one) > 277 for one in found)
 
 
 def test_signals_of_the_baseline_are_learned_too(learned: Learned) -> None:
@@ -166,7 +166,7 @@ def test_memory_is_bounded_with_a_gap_in_each_window(learned: Learned) -> None:
         monitor.take(learned.calm)
         kept.append(n_recordings() - before)
     print(kept)
-    assert len(kept) >= 19
+    assert len(kept) >= 13
     assert max(kept) < 3 * WINDOW  # of 1 s: the stretch since the last gap, and the last window
     monitor.take(learned.calm.model_copy(update={"phase": "alarm"}))
     assert n_recordings() <= before + 2  # those of the assembler
@@ -182,9 +182,9 @@ def found_in(learned: Learned, monitor: InnovationMonitor) -> list[ModeInnovatio
 
 
 def test_innovations_exist_with_a_model_and_twelve_channels(learned: Learned) -> None:
-    """The counterpart of the three tests below."""
+    """The counterpart of the three tests below: one per second after 200 s, in which filter and levels are learned."""
     assert len(learned.settings.channels) == 12
-    assert len(found_in(learned, learned.started())) > 100
+    assert len(found_in(learned, learned.started())) > 60
 
 
 def test_without_a_model_there_are_no_innovations(learned: Learned) -> None:
