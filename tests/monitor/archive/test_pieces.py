@@ -1,10 +1,12 @@
 """A long run, divided into pieces of whole files: identified in parallel, continued when it grows, evaluated as one."""
 
+import asyncio
 import hashlib
 import json
 import pickletools
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,11 +14,11 @@ from typing import Any
 import pandas as pd
 import pytest
 import zstandard
-from distributed import Client
+from distributed import Client, get_worker
 
 from daq import Block, Event, Flag, Item, Recording, read_attachments, read_log
 from daq.events import DeviceFailed
-from daq.log import PartedLog, RotatingWriter, Rotation, as_logs
+from daq.log import PartedLog, as_logs
 from monitor.analysis.window import IdentifiedWindow, RecordedWindow
 from monitor.archive import (
     AnalysedLog,
@@ -37,6 +39,8 @@ from monitor.results.windows import AlarmResult, event_result
 from monitor.service.replay import replay
 from monitor.settings import Settings, parse_attached
 from monitor.watch.pipeline import assembler_of
+from tests.support.monitor.recorded_runs import write_items, write_run
+from tests.support.thorough import few_of
 
 RECORDED = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
 SECOND = 10**9  # ns
@@ -86,22 +90,6 @@ def _disturbed(recorded: Sequence[Item], start: int) -> Iterator[Item]:
             )
             continue
         yield item
-
-
-def write_run(folder: Path, items: Sequence[Item], attached: dict[str, str], seconds: float) -> RotatingWriter:
-    """Write the items as files of some seconds; return the open writer."""
-    folder.mkdir()
-    start = next(item.arrival_time for item in items if isinstance(item, Block))
-    writer = RotatingWriter(folder, attached, start, Rotation(seconds=seconds))
-    write(writer, items)
-    return writer
-
-
-def write(writer: RotatingWriter, items: Sequence[Item]) -> None:
-    for k, item in enumerate(items):
-        writer.write(item)
-        if k % 20 == 0:
-            writer.flush()
 
 
 def hashed(recording: Recording, band: tuple[float, float] | None) -> IdentifiedWindow:
@@ -209,14 +197,27 @@ class Archive:
         return pd.read_parquet(self._out / "windows").sort_values("window").drop(columns="log").reset_index(drop=True)
 
     @property
+    def results(self) -> list[str]:
+        """Events and results in the log of the site."""
+        [path] = (self._out / "sites").glob("*/results.mcap")
+        return texts_of_events(item for item in read_log(path) if isinstance(item, Event))
+
+    @property
     def n_states(self) -> int:
         return len(list((self._out / "states").iterdir()))
+
+
+@contextmanager
+def workers() -> Iterator[Client]:
+    """Yield a cluster of two threads."""
+    with Client(n_workers=2, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as found:
+        yield found
 
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[Client]:
     """Yield a cluster of two threads."""
-    with Client(n_workers=2, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as found:
+    with workers() as found:
         yield found
 
 
@@ -254,7 +255,7 @@ def test_run_that_has_grown_is_continued(
     assert len(first) > 2
     assert not any(piece.kept for piece in first)
     assert 0 < archive.n_states <= 2
-    write(writer, items[n:])
+    write_items(writer, items[n:])
     writer.close()
     advanced.clear()
     second = archive.reanalyse()
@@ -268,6 +269,42 @@ def test_run_that_has_grown_is_continued(
     assert found.problem.tolist() == [step.problem for step in expected]
     assert found.start.astype("int64").tolist() == [step.recorded.start for step in expected]
     assert len(expected) == 3
+
+
+@pytest.mark.usefixtures("one_file_each")
+@pytest.mark.parametrize("task", few_of(["identify_window", "advance", "evaluate_log"]))
+def test_worker_that_is_lost_in_a_piece_costs_nothing(
+    task: str,
+    client: Client,
+    items: list[Item],
+    attached: dict[str, str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One of two workers ends in the middle of a task of each kind: windows and log of results are those without."""
+    write_run(tmp_path / "log", items[: 2 * _SHORTEST], attached, 7.0).close()
+    expected = Archive(client, tmp_path / "log", tmp_path / "whole")
+    assert len(expected.reanalyse()) > 3
+    lost: list[str] = []
+    module = {"identify_window": steps, "advance": tasks, "evaluate_log": evaluation}[task]
+    function = getattr(module, task)
+    with workers() as disturbed:
+        scheduler = disturbed.cluster.scheduler
+
+        def losing(*given: Any, **more: Any) -> Any:
+            if not lost:
+                lost.append(get_worker().address)
+                gone = scheduler.remove_worker(lost[0], stimulus_id="lost")
+                asyncio.run_coroutine_threadsafe(gone, disturbed.loop.asyncio_loop).result(60)
+            return function(*given, **more)
+
+        monkeypatch.setattr(module, task, losing)
+        found = Archive(disturbed, tmp_path / "log", tmp_path / "out")
+        assert not any(piece.problem for piece in found.reanalyse())
+        assert lost[0] not in disturbed.scheduler_info()["workers"]
+    assert len(lost) == 1
+    pd.testing.assert_frame_equal(found.windows, expected.windows)
+    assert found.results == expected.results
 
 
 @pytest.mark.usefixtures("one_file_each")

@@ -1,12 +1,13 @@
 """A log as a run would have written it, made without ports and at once."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from daq import AnyLog, Block, Event, McapWriter, read_events
+from daq import AnyLog, Block, Event, Item, McapWriter, read_events
 from daq.drivers import EPSON_SCALE
+from daq.log import RotatingWriter, Rotation
 from monitor.results.windows import Result, event_result
 from monitor.rig import T_DEVICES, Scenario, make_sources
 from updater import parse_structure, t_structure_toml
@@ -66,3 +67,20 @@ def write_log(path: Path, scenario: Scenario, seconds: float, site: str) -> None
 def logged_results(log: AnyLog) -> Iterator[Result]:
     """Yield the results in a log."""
     yield from (result for event in read_events(log) if (result := event_result(event)) is not None)
+
+
+def write_run(folder: Path, items: Sequence[Item], attached: Mapping[str, str], seconds: float) -> RotatingWriter:
+    """Write the items as files of some seconds; return the open writer."""
+    folder.mkdir()
+    start = next(item.arrival_time for item in items if isinstance(item, Block))
+    writer = RotatingWriter(folder, attached, start, Rotation(seconds=seconds))
+    write_items(writer, items)
+    return writer
+
+
+def write_items(writer: RotatingWriter, items: Sequence[Item]) -> None:
+    """Write the items, in small chunks."""
+    for k, item in enumerate(items):
+        writer.write(item)
+        if k % 20 == 0:
+            writer.flush()
