@@ -13,7 +13,15 @@ from typing import Any
 from updater.causes import CATALOGUE, AddedMass, CommonFactor, LocalStiffness, SelectedCause, Springs
 from updater.diagnosis.case import Case, DiagnosisResult, RecalibratedModel
 from updater.diagnosis.combinations import common
-from updater.diagnosis.gain import Gained, WindowModes, compared_rows, fit_of_written, written_gain
+from updater.diagnosis.gain import (
+    Gained,
+    WindowModes,
+    calibrated_model,
+    compared_rows,
+    fit_of_written,
+    read_back,
+    written_gain,
+)
 from updater.diagnosis.model_extension import (
     agreeing,
     as_reported,
@@ -66,10 +74,10 @@ from updater.diagnosis.search import (
 from updater.diagnosis.simplification import merged, only_needed, significant_only
 from updater.diagnosis.weighing import SURE, Candidate, EvidenceComparison, OnCause, allowed_causes, ranked, say_nothing
 from updater.errors import SelectionError
+from updater.fe import Model
 from updater.inference import MODEL_ERROR, Comparison, compare
 from updater.modal_data import NOTHING_KNOWN, Circumstances, KnownMass, ModalMean, OpeningEvidence
 from updater.reference import Calibration, ModelFit, Reference
-from updater.structure import Structure
 from updater.validation import opening_evidence, opens_significantly
 
 _ROUGHER = 2.0  # times the model error that a good model has, to search with
@@ -349,11 +357,11 @@ def _nearer(case: Case) -> RecalibratedModel:
     """Return an inconsistent file with its best-fitting parameters alone."""
     (chosen,) = case.singles[0].chosen
     written = chosen.cause.extend(case.reference.file.structure, chosen.row, chosen.theta)
-    return RecalibratedModel(written, _gained(case, [chosen], written))
+    return RecalibratedModel(written, _gained(case, [chosen], read_back(written)))
 
 
-def _gained(case: Case, chosen: Sequence[SelectedCause], written: Structure, known: ModelFit | None = None) -> Gained:
-    before = (case.bare or case.reference.file.calibration).structure
+def _gained(case: Case, chosen: Sequence[SelectedCause], written: Model, known: ModelFit | None = None) -> Gained:
+    before = calibrated_model(case.bare or case.reference.file.calibration)
     return written_gain(case.reference, case.data, case.measured, case.heldout, chosen, (before, written), known)
 
 
@@ -383,11 +391,13 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
     named = tuple(_with_others(case, cause, left_open) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
     faults = case.weighing.faults
-    written = faults.attempt(
-        "the modes of the written model",
-        lambda: fit_of_written(case.reference, case.data, case.measured, extended, chosen),
-    )
-    gained = faults.attempt("the gain", lambda: _gained(case, chosen, extended, written))
+    written: ModelFit | None = None
+    gained: Gained | None = None
+    model = faults.attempt("the written model", partial(read_back, extended))
+    if model is not None:
+        fitted = partial(fit_of_written, case.reference, case.data, case.measured, model, chosen)
+        written = faults.attempt("the modes of the written model", fitted)
+        gained = faults.attempt("the gain", partial(_gained, case, chosen, model, written))
     if gained and gained.is_worse:
         return _refused("unexplained", case, searched, "worse_model")
     decisive = None if sure else faults.attempt("the next measurement", lambda: _next(case, left_open))

@@ -10,6 +10,7 @@ independent noise are the whitened distance between the two predictions.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -18,9 +19,10 @@ from daq import FloatArray, IndexArray
 from updater.causes import SelectedCause, prediction
 from updater.diagnosis.model_extension import agreeing
 from updater.diagnosis.schema import Gain, Pair
+from updater.fe import Model
 from updater.inference import Comparison, Prediction, Whitener, compare, residual, without_mode
 from updater.modal_data import ModalMean
-from updater.reference import ModelFit, Reference, fit_of_model
+from updater.reference import Calibration, ModelFit, Reference, best_model, fit_of_model
 from updater.structure import Structure, dump_structure, parse_structure
 
 _SIGNIFICANT = 2.0  # standard deviations
@@ -184,7 +186,7 @@ def written_gain(
     measured: WindowModes,
     heldout: WindowModes | None,
     chosen: Sequence[SelectedCause],
-    written: tuple[Structure, Structure],
+    written: tuple[Model, Model],
     known: ModelFit | None = None,
 ) -> Gained:
     """Return the gain of a written structure over the same without causes.
@@ -195,7 +197,7 @@ def written_gain(
     data, measured : the modes that were explained
     heldout : modes of windows that were not used, which the gain is measured on where they have all channels
     chosen : causes
-    written : the structure without causes, and with them written into it
+    written : models of the structure without causes, and with them written into it, as their texts are read back
     known : fit of the latter to `measured`, if it is known
     """
     if heldout and set(data.channels) <= set(heldout.event.channels):
@@ -214,25 +216,35 @@ def fit_of_written(
     reference: Reference,
     data: Comparison,
     modes: WindowModes,
-    structure: Structure,
+    model: Model,
     chosen: Sequence[SelectedCause] | None,
 ) -> ModelFit:
-    """Return the fit of a structure, as it is read back from its text, to all modes of windows.
+    """Return the fit of a written structure to all modes of windows.
 
     Parameters
     ----------
     reference : that the causes were sought with
     data : these modes compared with the baseline's
-    structure : with the causes chosen, if any, written in
+    model : of the structure with the causes chosen, if any, written in
     """
-    structure = parse_structure(dump_structure(structure))
     expected = np.full(len(modes.every.n), np.nan)
     ratio = prediction(data, chosen).log_ratio[0]
     # the model's own frequencies, which it may miss the measured ones by
     frequency = reference.calibration.modes.frequency if reference.measured else data.frequency
     expected[modes.rows(modes.event.only(data.tracks))] = frequency[data.paired] * np.exp(ratio)
     every = modes.every.at(data.channels)
-    return fit_of_model(structure, every, expected=expected, overdispersion=data.overdispersion)
+    return fit_of_model(model, every, expected=expected, overdispersion=data.overdispersion)
+
+
+def read_back(structure: Structure) -> Model:
+    """Return the model of a structure as it is read back from its text."""
+    return best_model(parse_structure(dump_structure(structure)))
+
+
+@lru_cache(maxsize=4)
+def calibrated_model(calibration: Calibration) -> Model:
+    """Return the model of a calibrated structure as it is read back from its text: the same for all its diagnoses."""
+    return read_back(calibration.structure)
 
 
 def compared_rows(data: Comparison, modes: WindowModes) -> IndexArray:

@@ -169,7 +169,7 @@ def _besides(
     if n_all > n_own:
         others = slopes(comparison, hypotheses, one, np.zeros(1, np.intp), range(n_own, n_all))[0]
         basis = np.linalg.qr(others)[0]
-        own = own - np.einsum("dk,pkj->pdj", basis, np.einsum("dk,pdj->pkj", basis, own))
+        own = own - basis @ (basis.T @ own)
     return one, own
 
 

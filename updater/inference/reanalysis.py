@@ -19,6 +19,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.inference.comparison import Comparison
 from updater.inference.residuals import Prediction
+from updater.inference.shape_covariance import inner
 from updater.modal_data import FREQUENCY_WEIGHT
 
 _EITHER = 0.1  # of the largest share of a mode in a changed one, from which on another one may be its successor
@@ -338,7 +339,7 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
     value, vector = value[:, :n_compared], vector[:, :n_modes, :n_compared]
     old = (2 * np.pi * comparison.frequency[comparison.paired]) ** -2.0
     shape = (comparison.baseline_at_channels @ vector + static).transpose(0, 2, 1)
-    own = (shape * comparison.base).sum(-1, keepdims=True)
+    own = inner(shape, comparison.base)
     along = np.where(np.abs(own) < 1e-6, 1e-6, own)  # else the mode is not seen at the channels
     if effect.moved.any():
         shape = shape + (effect.moved @ vector).transpose(0, 2, 1)
@@ -416,7 +417,7 @@ def _delayed(
         turned = turned * np.exp(-0.5j * np.angle((turned**2).sum(-1, keepdims=True)))
         sign = np.where((turned.real * real[rows]).sum(-1, keepdims=True) < 0, -1.0, 1.0)
         real[rows], imaginary[rows] = sign * turned.real, sign * turned.imag
-    return real, imaginary / np.maximum(np.linalg.norm(real, axis=-1, keepdims=True), _MIN)
+    return real, imaginary / np.maximum(np.sqrt(inner(real, real)), _MIN)
 
 
 def picked(changed: Changed) -> tuple[FloatArray, FloatArray]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from daq import FloatArray
 from updater.inference.comparison import Comparison, NewModes, Whitener
-from updater.inference.shape_covariance import beside, turned_back
+from updater.inference.shape_covariance import beside, inner, turned_back
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ def residual(comparison: Comparison, predicted: Prediction, whitener: Whitener) 
     off -= off @ comparison.common_to_modes @ comparison.common_to_modes.T
     blocks = [frequency, off]
     if comparison.phased.any():
-        sign = np.where((shape * comparison.shape).sum(-1, keepdims=True) < 0, -1.0, 1.0)
+        sign = np.where(inner(shape, comparison.shape) < 0, -1.0, 1.0)
         late = beside(comparison.imaginary - sign * predicted.imaginary, shape)  # a mode's own phase is no one's
         blocks.append(_undone(predicted, late).reshape(n, -1) @ comparison.imaginary_whitener.T)
     if comparison.damping_weight.any():

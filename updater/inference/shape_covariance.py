@@ -229,6 +229,11 @@ def shape_covariances(variance: FloatArray, base: FloatArray, foreign: FloatArra
     return np.asarray(variance[:, :, None] * np.eye(variance.shape[1]) + error.transpose(0, 2, 1) @ error)
 
 
+def inner(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the inner products (..., 1) of shapes (..., n_channels), without an array of all products."""
+    return np.asarray(np.einsum("...i,...i->...", one, other))[..., None]
+
+
 def beside(shape: FloatArray, direction: FloatArray) -> FloatArray:
     """Return the part of shapes that is orthogonal to others.
 
@@ -236,8 +241,7 @@ def beside(shape: FloatArray, direction: FloatArray) -> FloatArray:
     ----------
     shape, direction : (..., n_channels), (..., n_channels) of unit norm [-]
     """
-    direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
-    return np.asarray(shape - (shape * direction).sum(-1, keepdims=True) * direction)
+    return np.asarray(shape - inner(shape, direction) / inner(direction, direction) * direction)
 
 
 def turned_back(rest: FloatArray, shape: FloatArray, base: FloatArray) -> FloatArray:
@@ -252,8 +256,8 @@ def turned_back(rest: FloatArray, shape: FloatArray, base: FloatArray) -> FloatA
     shape : (..., n, n_channels) predicted, of any norm and sign
     base : (n, n_channels) unit norm
     """
-    along = (shape * base).sum(-1, keepdims=True)
-    length = np.linalg.norm(shape, axis=-1, keepdims=True)
-    unit = shape * (np.where(along < 0, -1.0, 1.0) / np.maximum(length, 1e-300))
-    share = (rest * base).sum(-1, keepdims=True) / (1 + np.abs(along) / np.maximum(length, 1e-300))
+    along = inner(shape, base)
+    length = np.maximum(np.sqrt(inner(shape, shape)), 1e-300)
+    unit = shape * (np.where(along < 0, -1.0, 1.0) / length)
+    share = inner(rest, base) / (1 + np.abs(along) / length)
     return np.asarray(rest - share * (unit + base))

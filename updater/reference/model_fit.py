@@ -14,9 +14,8 @@ from daq import FloatArray, IndexArray
 from updater.fe import Model, Modes
 from updater.modal_data import ModalMean, match_modes
 from updater.quantities import ASKEW_STD, FREQUENCY_STD
-from updater.reference.calibration import UNLIKE, best_model, channel_rows, enough_modes, share_within
+from updater.reference.calibration import UNLIKE, channel_rows, enough_modes, share_within
 from updater.reference.reference import SHAPE_STD
-from updater.structure import Structure
 
 _STILL = 1e-9  # motion of a mode at the sensors [1/sqrt(kg)]: a smaller one is not measured
 
@@ -105,18 +104,18 @@ class ModelFit:
 
 
 def fit_of_model(
-    structure: Structure, measured: ModalMean, *, expected: FloatArray | None = None, overdispersion: float = 1.0
+    model: Model, measured: ModalMean, *, expected: FloatArray | None = None, overdispersion: float = 1.0
 ) -> ModelFit:
-    """Return how well a structure's own modes fit measured ones.
+    """Return how well a model's own modes fit measured ones.
 
     Parameters
     ----------
-    structure : as it is in a file
+    model : of a structure as it is in a file
     measured : (n_modes,) in any order
     expected : (n_modes,) frequencies by which modes without a measured shape are paired [Hz]
     overdispersion : components of a shape that err as one [-]
     """
-    modes, seen, own = own_modes(best_model(structure), measured)
+    modes, seen, own = own_modes(model, measured)
     answers = np.full(len(measured.n), -1, np.intp)
     found = match_modes(own, measured)
     answers[found[found >= 0]] = np.flatnonzero(found >= 0)
@@ -129,15 +128,15 @@ def fit_of_model(
         row, column = linear_sum_assignment(apart)
         answers[unshaped[row]] = np.where(apart[row, column] < _NEAR, column, -1)
     here = answers >= 0
-    model = own.only(np.maximum(answers, 0))
-    frequency = np.where(here, np.exp(model.log_frequency), np.nan)
+    paired = own.only(np.maximum(answers, 0))
+    frequency = np.where(here, np.exp(paired.log_frequency), np.nan)
     residual = measured.log_frequency - np.log(frequency)
-    along = (measured.shape * model.shape).sum(1, keepdims=True)
-    rest = measured.shape - along * model.shape
+    along = (measured.shape * paired.shape).sum(1, keepdims=True)
+    rest = measured.shape - along * paired.shape
     variance = measured.shape_std**2
     mac_variance = 4 * (rest**2 * variance).sum(1) + 2 * (variance**2).sum(1)
-    of_shape = (rest**2 / (variance + model.shape_std**2)).sum(1) / overdispersion
-    frequency_std = np.hypot(measured.log_frequency_std, model.log_frequency_std)
+    of_shape = (rest**2 / (variance + paired.shape_std**2)).sum(1) / overdispersion
+    frequency_std = np.hypot(measured.log_frequency_std, paired.log_frequency_std)
     known = here & (variance.sum(1) < 1)
     return ModelFit(
         frequency=frequency,

@@ -109,16 +109,16 @@ class AddedMass:
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return modal mass changes m (Phi^T Phi + r^2 Theta^T Theta)."""
-        mass = theta[:, 0, None, None] * self._per_kilogram(theta, rows)
+        moved = self._moved(theta, rows)
+        mass = (theta[:, 0, None, None] * moved).transpose(0, 2, 1) @ moved
         return replace(no_effect(len(rows), self.comparison), mass=mass)
 
-    def _per_kilogram(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
-        """Return the modal mass (len(rows), n_modes, n_modes) of 1 kg with the offsets and gyration of theta [1/kg]."""
+    def _moved(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the motion (len(rows), 6, n_modes) of 1 kg with the offsets and gyration of theta [kg^-1/2]."""
         beside = (theta[:, o, None, None] * self.by_offset[o - 1, rows] for o in (1, 2))
         at = self.translation[rows] + sum(beside)
         turn = np.sqrt(np.maximum(theta[:, 3, None, None], 0)) * self.rotation[rows]
-        moved = np.concatenate([at, turn], axis=1)
-        return np.asarray(moved.transpose(0, 2, 1) @ moved)
+        return np.concatenate([at, turn], axis=1)
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the correction of the evidence for the mass's own prior, uniform in its logarithm."""
@@ -329,7 +329,8 @@ class AddedMass:
         The correction is known to a third of itself, because the model was calibrated with the body on; of a body that
         is a large share of a mode's mass not even to that.
         """
-        per_kilogram = self._per_kilogram(theta[None], np.array([row]))[0]
+        moved = self._moved(theta[None], np.array([row]))[0]
+        per_kilogram = moved.T @ moved
         whitener, paired = self.comparison.drifting.matrix, self.comparison.paired
         omega = 2 * np.pi * self.reference.frequency
         body = -mass_outside_model(-mass, per_kilogram, omega, paired, whitener)

@@ -1,6 +1,7 @@
 """One factor on the density of all members; attached bodies keep their mass."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -48,14 +49,21 @@ class GlobalDensity(CommonFactor):
 
 def propose_global_density(reference: Reference, comparison: Comparison) -> GlobalDensity:
     """Return the one alternative."""
+    return GlobalDensity(comparison=comparison, own=_mass_of_members(reference))
+
+
+@lru_cache(maxsize=4)
+def _mass_of_members(reference: Reference) -> FloatArray:
+    """Return the modal mass (n_modes, n_modes) without bodies, oscillators, segments' own mass and grounds."""
     structure = reference.structure
-    own = np.eye(len(comparison.frequency))
-    if (structure.body or structure.oscillator or structure.segment or structure.ground) and structure.external is None:
-        segments = tuple(s.model_copy(update={"mass": 0.0}) for s in structure.segment)
-        # grounds keep their degrees of freedom, without mass
-        grounds = tuple(g.model_copy(update={"mass": _NO_MASS * g.mass}) for g in structure.ground)
-        alone = structure.model_copy(update={"body": (), "oscillator": (), "segment": segments, "ground": grounds})
-        bare = best_model(alone).mass
-        shape = reference.shape[: bare.shape[0]]  # oscillators' own come last
-        own = shape.T @ (bare @ shape)
-    return GlobalDensity(comparison=comparison, own=own)
+    if structure.external is not None or not (
+        structure.body or structure.oscillator or structure.segment or structure.ground
+    ):
+        return np.eye(len(reference.frequency))
+    segments = tuple(s.model_copy(update={"mass": 0.0}) for s in structure.segment)
+    # grounds keep their degrees of freedom, without mass
+    grounds = tuple(g.model_copy(update={"mass": _NO_MASS * g.mass}) for g in structure.ground)
+    alone = structure.model_copy(update={"body": (), "oscillator": (), "segment": segments, "ground": grounds})
+    bare = best_model(alone).mass
+    shape = reference.shape[: bare.shape[0]]  # oscillators' own come last
+    return np.asarray(shape.T @ (bare @ shape))

@@ -78,7 +78,7 @@ class Springs(Discrete):
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return flexibility changes."""
         couple = self.couple[rows]
-        compliance = np.einsum("pa,par,pas->prs", theta / self.unit[rows], couple, couple)
+        compliance = (couple * (theta / self.unit[rows])[:, :, None]).transpose(0, 2, 1) @ couple
         return replace(no_effect(len(rows), self.comparison), compliance=compliance)
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
