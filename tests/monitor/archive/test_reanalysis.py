@@ -19,8 +19,11 @@ import polars as pl
 import pytest
 from distributed import LocalCluster
 
-from monitor.archive import reanalysis
+from daq import Event, read_attachments, read_log
+from monitor.archive import catalog, reanalysis
+from monitor.results.windows import event_result
 from tests.support.monitor.cli import Commands, assert_refused
+from tests.support.monitor.recorded_runs import write_run
 
 pytestmark = pytest.mark.timeout(300)
 
@@ -159,24 +162,61 @@ def until(condition: Callable[[], object], process: subprocess.Popen[bytes], sec
         time.sleep(0.05)
 
 
-@pytest.mark.thorough
-@pytest.mark.timeout(300)
-def test_killed_worker_costs_no_log(modalwatch: Commands, tmp_path: Path) -> None:
-    """The scheduler gives its logs to the other one; the tables are those of a run without a loss."""
-    logs, out = archive(tmp_path / "logs", 4), tmp_path / "out"
-    (logs / "poisoned.mcap").unlink()
-    assert modalwatch("reanalyse", logs, "-o", tmp_path / "whole", "--workers", 1).code == 0
-    with cluster(tmp_path) as (address, processes):
-        command = [sys.executable, "-c", "from monitor.cli.main import main; main()", "reanalyse", str(logs)]
+def after_a_kill(folder: Path, logs: Path, piece_bytes: int) -> Path:
+    """Return the results of a command of which one of two workers is killed once the first steps are kept."""
+    out = folder / "out"
+    program = f"from monitor.archive import catalog; catalog.PIECE_BYTES = {piece_bytes}; "
+    with cluster(folder) as (address, processes):
+        command = [sys.executable, "-c", program + "from monitor.cli.main import main; main()", "reanalyse", str(logs)]
         with subprocess.Popen([*command, "-o", str(out), "--scheduler", address], stdout=subprocess.PIPE) as run:
             until(lambda: list((out / "steps").glob("*")), run)
             processes[1].send_signal(signal.SIGKILL)
             shown, _ = run.communicate(timeout=120)
         assert run.returncode == 0, shown.decode()
-    found = tables(out)
-    assert found["windows"].groupby("log").size().tolist() == [3] * 4
-    for name, frame in tables(tmp_path / "whole").items():
+    return out
+
+
+def assert_same_tables(one: Path, other: Path) -> None:
+    """Compare all tables, and the logs of results."""
+    found = tables(other)
+    for name, frame in tables(one).items():
         pd.testing.assert_frame_equal(found[name], frame)
+    assert results(other) == results(one)
+
+
+def results(out: Path) -> list[tuple[str, int, str]]:
+    """Return all events and results in the log of the one site."""
+    [path] = out.glob("sites/*/results.mcap")
+    events = [item for item in read_log(path) if isinstance(item, Event)]
+    return [(event.topic, event.time, json.dumps(event.payload)) for event in events]
+
+
+@pytest.mark.thorough
+@pytest.mark.timeout(300)
+def test_killed_worker_costs_no_log(modalwatch: Commands, tmp_path: Path) -> None:
+    """The scheduler gives its logs to the other one; the tables are those of a run without a loss."""
+    logs = archive(tmp_path / "logs", 4)
+    (logs / "poisoned.mcap").unlink()
+    assert modalwatch("reanalyse", logs, "-o", tmp_path / "whole", "--workers", 1).code == 0
+    out = after_a_kill(tmp_path, logs, catalog.PIECE_BYTES)
+    assert tables(out)["windows"].groupby("log").size().tolist() == [3] * 4
+    assert_same_tables(tmp_path / "whole", out)
+
+
+@pytest.mark.thorough
+@pytest.mark.timeout(300)
+def test_killed_worker_costs_no_piece_of_a_run(
+    modalwatch: Commands, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nine files of one run, each a piece; the quick case is in `test_pieces`."""
+    monkeypatch.setattr(catalog, "PIECE_BYTES", 1)
+    items = [item for item in read_log(RECORDED) if not (isinstance(item, Event) and event_result(item))]
+    write_run(tmp_path / "logs", items[:900], read_attachments(RECORDED), 7.0).close()
+    assert modalwatch("reanalyse", tmp_path / "logs", "-o", tmp_path / "whole", "--workers", 1).code == 0
+    out = after_a_kill(tmp_path, tmp_path / "logs", 1)
+    assert len(tables(out)["logs"]) > 7
+    assert len(tables(out)["windows"]) > 3
+    assert_same_tables(tmp_path / "whole", out)
 
 
 @pytest.mark.thorough
