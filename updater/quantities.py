@@ -8,7 +8,8 @@ from pydantic import BaseModel, ConfigDict
 from daq import FloatArray
 
 Vector = tuple[float, float, float]
-Opens = Literal["above", "below", "within", "beyond"]  #: side of a moment, or of it on both sides of zero
+#: side of a moment, or of it on both sides of zero; or with dry friction, beyond a moment from where it was left
+Opens = Literal["above", "below", "within", "beyond", "slips"]
 #: on one side of a moment; within a moment on both sides of zero, as play; beyond it
 Law = Literal["one_side", "within", "beyond"]
 
@@ -82,9 +83,9 @@ class Where(PlainValue):
 
 
 def check_opening(opens: Opens, moment: float) -> None:
-    """Raise ValueError for a place that opens on both sides of zero alike, but not of a positive moment."""
-    if opens in ("within", "beyond") and not moment > 0:
-        raise ValueError(f"expected a moment > 0 that it opens {opens}, found {moment:g}")
+    """Raise ValueError for a place that opens, or slips, on both sides of zero alike, but not of a positive moment."""
+    if opens in ("within", "beyond", "slips") and not moment > 0:
+        raise ValueError(f"expected a moment > 0 with opens = {opens}, found {moment:g}")
 
 
 class ExchangedSections(PlainValue):

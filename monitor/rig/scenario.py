@@ -46,15 +46,16 @@ class Truth(Table):
 
 
 class RigCrack(Table):
-    """A crack of a member that opens and closes under its moment; or play, which is open within a moment."""
+    """A crack of a member that opens and closes under its moment; or play, open within a moment; or dry friction."""
 
     member: str
     distance: NotNegative  #: from the member's start [m]
     axis: Literal["y", "z"]  #: local axis that the moment acts about
     flexibility: Annotated[float, Field(gt=0)]  #: rotation per moment while it is open, over 1 / (E I) [m]
     closed: NotNegative = 0.0  #: the same while it is closed [m]
-    moment: float = 0.0  #: moment at which it opens, or closes [N m]
-    #: side of that moment on which it is open; within, as play, or beyond it on both sides of zero
+    moment: float = 0.0  #: moment at which it opens, closes, or first slips [N m]
+    #: side of that moment on which it is open; within, as play, or beyond it on both sides of zero; slips: with
+    #: dry friction beyond it, until it turns back
     opens: Opens = "above"
 
     @model_validator(mode="after")

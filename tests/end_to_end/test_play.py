@@ -1,5 +1,6 @@
 """Play in a foot, and a foot that gapes under both signs, distinguished by the signals of one window."""
 
+import numpy as np
 import pytest
 
 from monitor.analysis.explanation import explain
@@ -7,7 +8,7 @@ from monitor.analysis.observation import observe
 from monitor.rig import World, load_scenario, shipped_scenarios
 from monitor.text.causes import breathing_text
 from tests.end_to_end.test_breathing_crack import SECONDS, START, WINDOWS, windows
-from tests.support.portals.cracked_portal import Crack, records
+from tests.support.portals.cracked_portal import OVER, PARTS, RATE, SETTLING, Crack, CrackedPortal, forces, records
 from tests.support.portals.tube_portal import Portal
 from updater import dump_structure, parse_structure, t_structure_toml
 from updater.quantities import Law
@@ -69,3 +70,29 @@ def test_play_of_the_virtual_rig_is_named_and_predicts_signals() -> None:
     assert found.explained.extended
     (played,) = parse_structure(dump_structure(found.explained.extended)).breathing_crack
     assert (played.member, played.axis, played.opens) == ("column", "y", "within")
+
+
+@pytest.mark.thorough
+def test_foot_with_dry_friction_moves_as_with_a_slider_in_small_steps() -> None:
+    """The slider of each small step is that of the last one: late by at most a sixteenth of a step."""
+    portal, n_steps = CrackedPortal(PORTAL, Crack(0.0, 0.12)), 2000
+    force = forces(3, "white")[:n_steps, :, :1]
+    print("seed 3")
+    before = np.zeros((SETTLING * RATE * OVER, *force.shape[1:]))
+    sliding, sticking = portal.change
+    state, u, limit, expected = np.zeros(2 * len(portal.square)), 0.0, 3e-6, []
+    moves, by_force, read = portal.transitions(sticking)
+    for own in force[:, :, 0] @ portal.at_forces:
+        push = own - (sliding - sticking) * u * portal.jump
+        expected.append(read @ state + portal.at_sensors @ push)
+        for _ in range(PARTS):
+            state = moves[1] @ state + by_force[1] @ (own - (sliding - sticking) * u * portal.jump)
+            turned = float(portal.jump @ state[: len(portal.square)])
+            u = min(max(u, turned - limit), turned + limit)
+    found, slides = (one[..., 0] for one in portal.run(np.concatenate([before, force]), limit, "slips"))
+    stuck, _ = portal.run(np.concatenate([before, force]), 1e9, "beyond")
+    rms = float(np.std(expected))
+    print(f"slides {100 * slides.mean():.0f} %, off {np.abs(found - expected).max() / rms:.4f} of the deviation")
+    assert 0.05 < slides.mean() < 0.8
+    assert np.abs(stuck[..., 0] - expected).max() > 0.5 * rms
+    np.testing.assert_allclose(found, expected, atol=0.05 * rms)

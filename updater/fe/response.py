@@ -32,8 +32,12 @@ class Ambient:
 class Crack:
     """A crack of a member that is open on one side of a moment about a local axis, and closed on the other.
 
-    Or it is open within, or beyond, a moment on both sides of zero, as play, or a joint that gapes under both signs. It
-    changes the flexibility of the model, in its modes: F' = Lambda^-1 + c a a^T, with the modes' moments a over
+    Or it is open within, or beyond, a moment on both sides of zero, as play, or a joint that gapes under both signs. Or
+    it slips with dry friction: a Coulomb slider in series with a spring, beside another spring (Iwan 1966). It is
+    closed while it sticks, and open while it slides, until it turns back. It sticks until the moment has changed by
+    twice that at which it slipped first.
+
+    It changes the flexibility of the model, in its modes: F' = Lambda^-1 + c a a^T, with the modes' moments a over
     omega^2, and c the difference from what the model contains.
     """
 
@@ -43,7 +47,7 @@ class Crack:
     flexibility: float  #: rotation per moment while it is open, over 1 / (E I) or 1 / (G J) [m]
     closed: float = 0.0  #: the same while it is closed [m]
     mean: float = 0.0  #: the same in the model [m]
-    moment: float = 0.0  #: moment at which it opens, or closes [N m]
+    moment: float = 0.0  #: moment at which it opens, closes, or first slips [N m]
     opens: Opens = "above"  #: side of that moment on which it is open
 
     @classmethod
@@ -98,7 +102,8 @@ class AmbientResponse:
     continue, accelerations jump, as they do when a body is clamped on. With a crack, the recursion of all modes
     together is exact as long as the crack is open, or closed. A sample that ends on another side of the moment is
     divided at the nearest of 16 parts to where a moment that changes linearly opens or closes it; with play, at both
-    moments if it passes both. An opening that begins and ends within one sample is not seen.
+    moments if it passes both. With dry friction, it is divided where it begins to slide and where it turns back. An
+    opening that begins and ends within one sample is not seen.
 
     Parameters
     ----------
@@ -135,7 +140,8 @@ class AmbientResponse:
         onto = self._modes.shape.T @ model.mass
         q, dq = onto @ x, onto @ dx
         self._state = dq - self._pole.real * q + 1j * self._pole.imag * q
-        self._crack = _CrackedModes(model, self._modes, self._damping, crack, self._rate) if crack else None
+        coupled = _SlippingModes if crack and crack.opens == "slips" else _CrackedModes
+        self._crack = coupled(model, self._modes, self._damping, crack, self._rate) if crack else None
 
     def step(self, n: int) -> FloatArray:
         """Return the next accelerations (n, n_outputs) [m/s2]."""
@@ -232,3 +238,66 @@ class _CrackedModes:
         """Return the state after parts of a sample on one side."""
         steps, _, constant = self._sides[abs(side)]
         return np.asarray(steps[parts] @ np.concatenate([state, force + side * constant]))
+
+
+class _SlippingModes(_CrackedModes):
+    """Modes of a structure that a place with dry friction couples: their transitions while it sticks, and slides.
+
+    A slider follows a^T q at a distance of `_opens` at most, and slides at that distance. Its position v while it
+    sticks adds a modal force: at v = `_opens`, that of the far side on the other side. Moment and slider then agree
+    with the play operator of Iwan (1966) for the moment itself, because both are linear in a^T q and v.
+    """
+
+    _slider, _side_of_slip = 0.0, 0  # v; 1 while it slides up, -1 down, 0 while it sticks
+
+    def run(self, state: ComplexArray, pole: ComplexArray, force: FloatArray) -> tuple[FloatArray, ComplexArray]:
+        """Return accelerations (n, n_modes) by modal forces (n, n_modes), and the state (n_modes,) afterwards."""
+        n = len(pole)
+        now = np.concatenate([state.imag / pole.imag, (pole * state).imag / pole.imag])
+        acceleration = np.empty_like(force)
+        for k, own in enumerate(force):
+            now = self._sample(now, own)
+            rates = self._sides[abs(self._side_of_slip)][1]
+            acceleration[k] = rates @ now + own + self._push * self._sides[1][2]
+        q, dq = now[:n], now[n:]
+        return acceleration, dq - pole.real * q + 1j * pole.imag * q
+
+    @property
+    def _push(self) -> float:
+        """Constant modal force, over that of sliding up."""
+        return float(self._side_of_slip) if self._side_of_slip else -self._slider / self._opens
+
+    def _sample(self, state: FloatArray, force: FloatArray) -> FloatArray:
+        """Return the state after a sample, divided where it begins to slide and where it turns back."""
+        left = _PARTS
+        while left:
+            after = self._stepped_slip(state, force, left)
+            end = self._excess(after)
+            if end <= 0:
+                return after
+            begin = min(self._excess(state), 0.0)
+            parts = max(round(left * begin / (begin - end)), 1)
+            state = self._stepped_slip(state, force, parts)
+            self._turn(state)
+            left -= parts
+        return state
+
+    def _excess(self, state: FloatArray) -> float:
+        """Return what is positive where it begins to slide, and where a slide ends."""
+        n = len(self._action)
+        if self._side_of_slip:
+            return -self._side_of_slip * float(self._action @ state[n:])
+        return abs(float(self._action @ state[:n]) - self._slider) - self._opens
+
+    def _turn(self, state: FloatArray) -> None:
+        """Begin or end to slide."""
+        moment = float(self._action @ state[: len(self._action)])
+        if self._side_of_slip:
+            self._slider, self._side_of_slip = moment - self._side_of_slip * self._opens, 0
+        else:
+            self._side_of_slip = 1 if moment > self._slider else -1
+
+    def _stepped_slip(self, state: FloatArray, force: FloatArray, parts: int) -> FloatArray:
+        """Return the state after parts of a sample without a change between sticking and sliding."""
+        steps = self._sides[abs(self._side_of_slip)][0]
+        return np.asarray(steps[parts] @ np.concatenate([state, force + self._push * self._sides[1][2]]))

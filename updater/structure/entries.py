@@ -260,7 +260,7 @@ class Ground(Entry):
 
 
 class BreathingCrack(Entry):
-    """A crack, a connection that gapes, or play, which opens and closes under the moment of its member.
+    """A crack, a connection that gapes, play, or dry friction, which opens and closes under the moment of its member.
 
     Members, supports and joints of the file have the mean flexibility: linear analyses use it. A simulation in time
     (`modalwatch rig`) opens and closes the crack.
@@ -270,11 +270,12 @@ class BreathingCrack(Entry):
     at: Vector  #: place on the member [m]
     #: local axis of the member that the moment acts about; x: torque
     axis: Literal["x", "y", "z"]
-    flexibility: Positive  #: rotation per moment while it is open, over 1 / (E I) or 1 / (G J) [m]
-    closed: NotNegative = 0.0  #: the same while it is closed [m]
+    flexibility: Positive  #: rotation per moment while it is open, or slides, over 1 / (E I) or 1 / (G J) [m]
+    closed: NotNegative = 0.0  #: the same while it is closed, or sticks [m]
     mean: Positive  #: mean over time, which the rest of the file contains [m]
-    moment: Number = 0.0  #: moment at which it opens, or closes [N m]
-    #: side of that moment on which it is open; within, as play, or beyond it on both sides of zero
+    moment: Number = 0.0  #: moment at which it opens, closes, or first slips [N m]
+    #: side of that moment on which it is open; within, as play, or beyond it on both sides of zero; slips: with
+    #: dry friction beyond it, until it turns back
     opens: Opens = "above"
 
     @model_validator(mode="after")

@@ -23,6 +23,7 @@ _OPENS: dict[Opens, str] = {
     "below": "has a crack that opens below {}",
     "within": "has play within {} on both sides",
     "beyond": "opens beyond {} on both sides",
+    "slips": "slips with dry friction beyond {}",
 }
 
 

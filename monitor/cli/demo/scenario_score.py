@@ -124,7 +124,7 @@ def _crack(event: RigEvent, cause: Cause | None) -> tuple[str, str, bool]:
     """
     assert event.crack
     found, crack = cause.breathing if cause else None, event.crack
-    if crack.opens in ("within", "beyond") or crack.moment != 0:
+    if crack.opens in ("within", "beyond", "slips") or crack.moment != 0:
         return _opening(crack, found)
     share = (crack.flexibility - crack.closed) / (crack.flexibility + crack.closed)
     truth = f"{100 * share:.0f} % of the flexibility absent while closed, open half of the time,"
@@ -137,9 +137,10 @@ def _crack(event: RigEvent, cause: Cause | None) -> tuple[str, str, bool]:
 
 def _opening(crack: RigCrack, found: Breathing | None) -> tuple[str, str, bool]:
     """Return the true flexibilities and moment, the errors of the answer, and whether they are within deviations."""
+    opens = "slips beyond" if crack.opens == "slips" else f"open {crack.opens}"
     truth = (
         f"{1000 * crack.flexibility:.3g} mm while open, {1000 * crack.closed:.3g} mm while closed, "
-        f"open {crack.opens} a moment of {crack.moment:.3g} N m,"
+        f"{opens} a moment of {crack.moment:.3g} N m,"
     )
     opening = found.opening if found else None
     if opening is None:

@@ -3,7 +3,8 @@
 A hinge in the left post has one stiffness while it is open and another while it is closed: it opens above a rotation,
 or is open within that rotation on both sides (play), or beyond it on both sides. Time is integrated by exact
 transitions of the modes with the open and with the closed hinge, ten steps per sample; a step in which it opens or
-closes is divided there.
+closes is divided there. A hinge with dry friction sticks as the closed one, and slides as the open one from a moment on
+until it turns back; there too, steps are divided.
 """
 
 import itertools
@@ -20,7 +21,8 @@ from tests.support.portals.tube_portal import LEFT, MODULUS, Portal
 
 #: white noise; the same above `LOW` reduced; half-sine blows from one side at random times; white noise in gusts
 Force = Literal["white", "low", "blows", "gusts"]
-Opens = Literal["above", "within", "beyond"]  #: sides of the threshold on which a hinge is open
+#: sides of the threshold on which a hinge is open; or beyond it from where it sticks, with dry friction
+Opens = Literal["above", "within", "beyond", "slips"]
 RATE, SECONDS, WINDOWS, OVER = 500, 45, 4, 10
 PARTS = 16  # of a step, at one of which the crack opens or closes
 BLOCK = 16  # steps that are computed at once until the crack opens or closes
@@ -103,9 +105,10 @@ class CrackedPortal:
         push = self.jump * (far - near) * threshold
         if near == far:
             threshold = np.inf  # one spring
+        run = self._slide if opens == "slips" else self._run
         # numbers 0, 1 and -1, as the sides
         springs = _Spring(self, near, 0 * push), _Spring(self, far, push), _Spring(self, far, -push)
-        done = [self._run(np.ascontiguousarray(own), threshold, opens, springs) for own in np.moveaxis(force, 2, 0)]
+        done = [run(np.ascontiguousarray(own), threshold, opens, springs) for own in np.moveaxis(force, 2, 0)]
         motion, turned = (np.stack(each, axis=-1) for each in zip(*done, strict=True))
         return motion[SETTLING * RATE * OVER :], turned[SETTLING * RATE * OVER :]
 
@@ -139,11 +142,55 @@ class CrackedPortal:
                 rotation, k = float(self.jump @ state[:n]), k + 1
         return motion[:n_steps], turned[:n_steps]
 
+    def _slide(
+        self, force: np.ndarray, threshold: float, _: Opens, springs: tuple["_Spring", "_Spring", "_Spring"]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return accelerations (n_steps, n_channels), and 0 while it sticks, 1 while it slides (n_steps,).
+
+        A slider that is at u sticks within the threshold about u. Its force is that of the sliding hinge at rotations
+        of u / threshold thresholds.
+        """
+        n, n_steps, stuck = len(self.square), len(force), springs[0].pushed(springs[2])
+        force = np.vstack([force, np.zeros((BLOCK, force.shape[1]))])
+        motion, slides = np.empty((len(force), len(self.at_sensors))), np.zeros(len(force))
+        state, at, side, k = np.zeros(2 * n), 0.0, 0, 0
+        while k < n_steps:
+            spring, size = (springs[side], 1.0) if side else (stuck, at / threshold)
+            known = np.concatenate([state, force[k : k + BLOCK].ravel(), [size]])
+            # rotation about the slider, or the rate at which it slides, before and after each step
+            course = (
+                side * np.append(self.jump @ state[n:], spring.rates @ known)
+                if side
+                else np.append(self.jump @ state[:n], spring.rotations @ known) - at
+            )
+            ends = course[1:] < 0 if side else np.abs(course[1:]) > threshold
+            whole = int(np.argmax(ends)) if ends.any() else BLOCK
+            started = min(whole + 1, BLOCK)
+            slides[k : k + started] = abs(side)
+            motion[k : k + started] = (spring.accelerations[: started * motion.shape[1]] @ known).reshape(started, -1)
+            state = spring.states[whole] @ known
+            k += whole
+            if whole == BLOCK:
+                continue
+            first, last = course[whole], course[whole + 1]
+            limit = 0.0 if side else float(np.copysign(threshold, last))
+            part = round(PARTS * min(max((limit - first) / (last - first), 0.0), 1.0))
+            state = spring.over(part, state, force[k], size)
+            if side:  # it turns back, and sticks where it has come to
+                at, side = float(self.jump @ state[:n]) - side * threshold, 0
+                state = stuck.over(PARTS - part, state, force[k], at / threshold)
+            else:
+                side = 1 if last > 0 else -1
+                state = springs[side].over(PARTS - part, state, force[k])
+            k += 1
+        return motion[:n_steps], slides[:n_steps]
+
 
 class _Spring:
     """Motion while the hinge has one spring, linear in what is known: the first state, forces of a block, and a one."""
 
     def __init__(self, portal: CrackedPortal, change: float, push: np.ndarray) -> None:
+        self.portal, self.change, self.push = portal, change, push
         self.parts, by_modes, read = portal.transitions(change)
         self.by_force, self.by_push = by_modes @ portal.at_forces.T, by_modes @ push
         n_states, n_forces = self.by_force.shape[1:]
@@ -160,11 +207,16 @@ class _Spring:
             state[:, -1] += self.by_push[-1]
         self.states = np.array([*states, state])  #: (BLOCK + 1, n_states, n_known)
         self.rotations = portal.jump @ self.states[1:, : n_states // 2]  #: (BLOCK, n_known), after each step
+        self.rates = portal.jump @ self.states[1:, n_states // 2 :]  #: (BLOCK, n_known) of the rotation, likewise
         self.accelerations = np.vstack(accelerations)  #: (BLOCK * n_channels, n_known), at the start of each step
 
-    def over(self, parts: int, state: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Return the state after parts of a step."""
-        after: np.ndarray = self.parts[parts] @ state + self.by_force[parts] @ force + self.by_push[parts]
+    def pushed(self, other: "_Spring") -> "_Spring":
+        """Return the same spring with the constant force of another one."""
+        return _Spring(self.portal, self.change, other.push)
+
+    def over(self, parts: int, state: np.ndarray, force: np.ndarray, size: float = 1.0) -> np.ndarray:
+        """Return the state after parts of a step, with a multiple of the constant force."""
+        after: np.ndarray = self.parts[parts] @ state + self.by_force[parts] @ force + size * self.by_push[parts]
         return after
 
 
@@ -200,7 +252,7 @@ def records(portal: Portal, crack: Crack, seed: int, kind: Force = "white") -> t
     elif crack.threshold:
         mean = (crack.opened + crack.closed) / 2
         _, turned = CrackedPortal(portal, replace(crack, opened=mean, closed=mean)).run(short, 0.0)
-        threshold = crack.threshold * float(turned.std()) * cracked.turn[crack.opens == "beyond"]
+        threshold = crack.threshold * float(turned.std()) * cracked.turn[crack.opens != "within"]
     motion, turned = cracked.run(force, threshold, crack.opens)
     taps = firwin(32 * OVER + 1, 0.88 / OVER, window=("kaiser", 9.0))
     random = np.random.default_rng((seed, 1))
@@ -220,5 +272,5 @@ def records(portal: Portal, crack: Crack, seed: int, kind: Force = "white") -> t
         )
         for k, data in enumerate(filtered)
     ]
-    far = float((side_of(turned, threshold, crack.opens) != 0).mean())
+    far = float((turned if crack.opens == "slips" else side_of(turned, threshold, crack.opens) != 0).mean())
     return tuple(found), 1 - far if crack.opens == "within" else far

@@ -321,7 +321,8 @@ def test_crack_is_read_and_written() -> None:
         ('"column"', '"colum"', "member 'colum' is not defined"),
         ("0.0, 0.3]", "0.1, 0.3]", "[0.0, 0.1, 0.3] does not lie on it"),
         ('"below"', '"under"', "breathing_crack.0.opens"),
-        ('"below"', '"within"', "expected a moment > 0 that it opens within, found -0.0016"),
+        ('"below"', '"within"', "expected a moment > 0 with opens = within, found -0.0016"),
+        ('"below"', '"slips"', "expected a moment > 0 with opens = slips, found -0.0016"),
     ],
 )
 def test_invalid_crack_is_named(old: str, new: str, entry: str) -> None:
