@@ -181,7 +181,7 @@ def _starts(cause: ModelParameters, n: int) -> FloatArray:
     Of external matrices also with the factors of groups scattered, within their priors.
     """
     random = np.random.default_rng(0)
-    flexible = np.array([knob.kind in {"support", "joint"} for knob in cause.knobs])
+    flexible = np.array([knob.kind in {"support", "joint", "wall"} for knob in cause.knobs])
     scatter = _SCATTER * random.standard_normal((n - 1, len(flexible)))
     own = cause.file_value + cause.moved
     of_groups = scatter * cause.prior_std * [knob.of_group for knob in cause.knobs]

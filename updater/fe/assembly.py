@@ -109,7 +109,7 @@ class _Kinds:
                 known[key] = len(self.element)
                 section = mesh.structure.section[member.section]
                 shape = section, shear_flexible, member.preload, member.local_y
-                element = Element(float(length), part[0], *shape, turning=part[1], shear=part[2], rotary=part[3])
+                element = Element(float(length), part[0], *shape, turning=part[1], stretching=part[2], rotary=part[3])
                 self._add(element, along[i], mass)
             self.which[i] = known[key]
 
@@ -121,10 +121,10 @@ class _Kinds:
         self.mass.append(turn.T @ local @ turn)
 
 
-def _part(mesh: Mesh, member: Member, point: FloatArray) -> tuple[Material, Vector, float, float]:
+def _part(mesh: Mesh, member: Member, point: FloatArray) -> tuple[Material, Vector, tuple[float, float], float]:
     """Return the material of a member at a point on it (3,) [m], and factors on stiffness and rotary inertia."""
     if not mesh.structure.segment:
-        return mesh.structure.material[member.material], (1.0, 1.0, 1.0), 1.0, 1.0
+        return mesh.structure.material[member.material], (1.0, 1.0, 1.0), (1.0, 1.0), 1.0
     return mesh.structure.part_at(member, float(np.linalg.norm(point - member.start)))
 
 

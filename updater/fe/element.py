@@ -29,7 +29,7 @@ class Element:
     tension: float = 0.0  #: axial force [N], negative in compression
     local_y: Vector | None = None  #: approximate direction of the local y axis. Default: horizontal
     turning: Vector = (1.0, 1.0, 1.0)  #: factors on the stiffness in twist and in bending about y and z [-]
-    shear: float = 1.0  #: factor on the stiffness in shear and along the axis [-]
+    stretching: tuple[float, float] = (1.0, 1.0)  #: factors on the stiffness along the axis and in shear [-]
     rotary: float = 1.0  #: factor on rotary and polar inertia [-]
 
     def axes(self, direction: FloatArray) -> FloatArray:
@@ -55,12 +55,26 @@ class Element:
         young, shear = self.material.youngs_modulus, self.material.shear_modulus
         stretched = [young * self.section.area, *(shear * self.section.shear_area(axis) for axis in (0, 1))]
         turned = [shear * self.section.torsion_constant, *(young * moment for moment in self.section.second_moment)]
-        return np.array([*(self.shear * s for s in stretched), *np.multiply(self.turning, turned)])
+        along, across = self.stretching
+        return np.array([along, across, across, *self.turning]) * [*stretched, *turned]
 
     def turned(self, factor: float) -> "Element":
         """Return the same element with a factor on its stiffness in bending and twist."""
         twist, about_y, about_z = self.turning
         return replace(self, turning=(factor * twist, factor * about_y, factor * about_z))
+
+    def with_factor(self, action: int, factor: float) -> "Element":
+        """Return the same element with a factor on one part of its stiffness: along it, in twist or in bending.
+
+        Parameters
+        ----------
+        action : 0 along the axis, 3 in twist, 4 and 5 in bending about y and z
+        """
+        along, across = self.stretching
+        if action == 0:
+            return replace(self, stretching=(factor * along, across))
+        twist, about_y, about_z = (t * (factor if i == action else 1.0) for i, t in enumerate(self.turning, start=3))
+        return replace(self, turning=(twist, about_y, about_z))
 
     @property
     def stiffness(self) -> FloatArray:

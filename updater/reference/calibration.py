@@ -24,6 +24,7 @@ from updater.quantities import SIGNIFICANT, ParameterChange
 from updater.reference.sensitivity_method import Convergence, Prior, fit_parameters, frequency_slope
 from updater.structure import (
     TURNS,
+    WALL_ACTIONS,
     Axis,
     Joint,
     ModelParameter,
@@ -40,6 +41,8 @@ from updater.structure import (
     physical_value,
     place_name,
     stands_for_rigid,
+    starts_rigid,
+    wall_of,
 )
 
 #: times the estimated error of a mesh: standard deviation of that part of the frequencies' error that has one factor
@@ -167,11 +170,14 @@ class Calibration:
             before, std = after / value, after * parameter_std
         elif knob.kind == "weld":
             after, before, std = 1 / (1 - value), 1.0, parameter_std / (1 - value) ** 2
+        elif knob.kind == "wall":
+            after = physical_value(self.structure, knob, value)
+            std = after * parameter_std / value
         else:
             after = dict(connection_of(self.structure, knob).stiffness.items())[knob.axis]
             std = after * parameter_std / value
             before = after * value / knob.mean if knob.mean else None
-        at_bound = parameter.at_bound and not (is_rigid(knob) and value < knob.upper)  # a rigid one may stay so
+        at_bound = parameter.at_bound and not (starts_rigid(knob) and value < knob.upper)  # a rigid one may stay so
         return ParameterChange(
             name=knob.key,
             quantity=knob.quantity,
@@ -233,18 +239,14 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
             "channel map"
         )
     mesh_error = nominal.mesh_error(modes.shape)
-    knobs, alike = (
-        model_parameters_of(structure),
-        np.flatnonzero(share_within(measured, answers, modes.frequency, seen) > _ALIKE),
-    )
-    if 3 <= len(alike) < n_nominal:  # others are paired better by a model that is nearly right
+    knobs = model_parameters_of(structure)
+    alike, answers = _first_pairs(structure, knobs, measured, answers, modes.frequency, seen)
+    if 3 <= len(alike) < (answers >= 0).sum():  # others are paired better by a model that is nearly right
         rough = _Misfit(structure, knobs, measured.only(alike), mesh_error[answers[alike]], n_modes)
         first = fit_parameters(rough, _prior(knobs))
         nearer = best_model(apply_parameters(structure, knobs, first.value))
-        close = nearer.modes(len(modes.frequency))
-        read = (channel_rows(nearer, measured.channels) @ close.shape).T
-        answers = pair_modes(frequency, measured.shape, close.frequency, read)
-        answers = np.where(share_within(measured, answers, close.frequency, read) > UNLIKE, answers, -1)
+        close, read, answers = _pairs_with(nearer, measured, len(modes.frequency))
+        answers = np.where(share_within(measured, answers, close, read) > UNLIKE, answers, -1)
     tracks = np.flatnonzero(answers >= 0)
     n_fitted = int(answers.max()) + 1 + _BEYOND
     misfit = _Misfit(structure, knobs, measured.only(tracks), mesh_error[answers[tracks]], n_fitted)
@@ -268,6 +270,39 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
         reason=fit.reason,
         knobs=tuple(knobs),
     )
+
+
+def _first_pairs(
+    structure: Structure,
+    knobs: list[ModelParameter],
+    measured: ModalMean,
+    answers: IndexArray,
+    frequency: FloatArray,
+    seen: FloatArray,
+) -> tuple[IndexArray, IndexArray]:
+    """Return the tracks that are surely paired, and the model mode (n_tracks,) of each track, -1 for none.
+
+    With the expected flexibility of walls, which the file has rigid, more modes may be paired than with the file.
+
+    Parameters
+    ----------
+    answers, frequency, seen : of the file: modes that are paired, its frequencies [Hz] and shapes at the channels
+    """
+    walls = [knob for knob in knobs if knob.kind == "wall"]
+    if walls:
+        softer = best_model(apply_parameters(structure, walls, np.array([knob.mean for knob in walls])))
+        found = _pairs_with(softer, measured, len(frequency))
+        if (found[2] >= 0).sum() >= (answers >= 0).sum():
+            frequency, seen, answers = found
+    return np.flatnonzero(share_within(measured, answers, frequency, seen) > _ALIKE), answers
+
+
+def _pairs_with(model: Model, measured: ModalMean, n_modes: int) -> tuple[FloatArray, FloatArray, IndexArray]:
+    """Return a model's frequencies [Hz], its shapes (n_modes, n_channels) and its mode of each track, -1 for none."""
+    modes = model.modes(n_modes)
+    seen = (channel_rows(model, measured.channels) @ modes.shape).T
+    answers = pair_modes(np.exp(measured.log_frequency), measured.shape, modes.frequency, seen)
+    return modes.frequency, seen, answers
 
 
 def share_within(measured: ModalMean, answers: IndexArray, frequency: FloatArray, seen: FloatArray) -> FloatArray:
@@ -384,6 +419,8 @@ class _Misfit:
             return frequency_slope(modes.omega, modes.shape, self._stiffened(model, x, i) @ modes.shape)
         if knob.kind == "weld":
             return self._by_weld(model, modes, knob, float(x[i]))
+        if knob.kind == "wall":
+            return self._by_wall(model, modes, knob, float(x[i]))
         return self._by_spring(model, modes, knob)
 
     def _by_material(self, model: Model, modes: Modes, material: str) -> FloatArray:
@@ -408,6 +445,17 @@ class _Misfit:
                 change = (more.elastic_stiffness - fewer.elastic_stiffness) @ local / (2 * _STEP)
                 gained += (local * change).sum(0)
         return np.asarray(gained / (2 * modes.omega**2) / (1 - less))
+
+    def _by_wall(self, model: Model, modes: Modes, knob: ModelParameter, flexibility: float) -> FloatArray:
+        """Return d ln omega by the flexibility of a wall's spring: its segment's elastic energy over its compliance."""
+        wall = wall_of(self._structure, self._structure.member_named(knob.target), knob.at)
+        assert wall is not None  # the parameter is of it
+        gained = np.zeros(len(modes.omega))
+        for element, local in parts_between(model, modes.shape, wall.branch, wall.start, wall.end):
+            more, fewer = (element.with_factor(WALL_ACTIONS[knob.axis], np.exp(h)) for h in (_STEP, -_STEP))
+            change = (more.elastic_stiffness - fewer.elastic_stiffness) @ local / (2 * _STEP)
+            gained += (local * change).sum(0)
+        return np.asarray(gained / (2 * modes.omega**2) * wall.slope(flexibility))
 
     def _by_spring(self, model: Model, modes: Modes, knob: ModelParameter) -> FloatArray:
         """Return d ln omega / dc, -q^2 / (2 omega^2 unit) by the moments or forces q of the modes in the spring."""

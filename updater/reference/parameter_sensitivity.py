@@ -16,12 +16,14 @@ from updater.structure import (
     nominal_parameters,
     physical_unit,
     physical_value,
+    starts_rigid,
     with_springs,
 )
 
 _FACTORS = {"stiffness", *FACTORS}  # kinds of which the logarithm is fitted
 _RELATIVE_STEP = 1e-3  # of a flexibility or of ln E, in the central difference of the stiffness matrix
 _WELD_STEP = 1e-3  # of the share of its flexibility that a joint zone loses
+_WALL_STEP = 1e-5  # of the prior deviation of a wall's flexibility: far less than that of its segment without springs
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,7 +63,7 @@ def parameter_sensitivities(structure: Structure, n_modes: int) -> tuple[FloatAr
                 name=knob.key,
                 unit=physical_unit(structure, knob),
                 nominal=_nominal_value(structure, knob),
-                step=physical_value(structure, knob, knob.mean + moved),
+                step=physical_value(structure, knob, (0.0 if starts_rigid(knob) else knob.mean) + moved),
                 change=slope * moved,
             )
         )
@@ -70,14 +72,14 @@ def parameter_sensitivities(structure: Structure, n_modes: int) -> tuple[FloatAr
 
 def _nominal_value(structure: Structure, knob: ModelParameter) -> float:
     """Return the value of the structure file in physical units; infinite where it has a connection rigid."""
-    if knob.kind in {"support", "joint"} and not knob.mean:
+    if starts_rigid(knob):
         return float("inf")
     return physical_value(structure, knob, knob.mean)
 
 
 def _difference_step(knob: ModelParameter, value: float) -> float:
-    if knob.kind == "weld":
-        return _WELD_STEP
+    if knob.kind in {"weld", "wall"}:
+        return _WELD_STEP if knob.kind == "weld" else _WALL_STEP * knob.prior
     return _RELATIVE_STEP if knob.kind in _FACTORS or not value else _RELATIVE_STEP * value
 
 

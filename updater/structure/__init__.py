@@ -37,6 +37,7 @@ from updater.structure.parameters import physical_slope as physical_slope
 from updater.structure.parameters import physical_unit as physical_unit
 from updater.structure.parameters import physical_value as physical_value
 from updater.structure.parameters import segments_of_one as segments_of_one
+from updater.structure.parameters import starts_rigid as starts_rigid
 from updater.structure.parameters import with_springs as with_springs
 from updater.structure.place_names import NamedPlaces as NamedPlaces
 from updater.structure.place_names import place_name as place_name
@@ -55,6 +56,8 @@ from updater.structure.toml_file import portable_text as portable_text
 from updater.structure.toml_file import t_structure_toml as t_structure_toml
 from updater.structure.validation import mean_flexibilities as mean_flexibilities
 from updater.structure.validation import odd_units as odd_units
+from updater.structure.walls import WALL_ACTIONS as WALL_ACTIONS
+from updater.structure.walls import wall_of as wall_of
 from updater.structure.written_structure import is_negligible as is_negligible
 from updater.structure.written_structure import rounded as rounded
 from updater.structure.written_structure import simplified as simplified

@@ -192,6 +192,7 @@ class Segment(Entry):
     )  #: additional factors on bending about the member's local y and z axes [-]
     torsion: Positive = 1.0  #: additional factor on twist [-]
     shear_stiffness: Positive = 1.0  #: factor on its stiffness in shear and along the axis [-]
+    axial: Positive = 1.0  #: additional factor on its stiffness along the axis [-]
     mass: Number = 0.0  #: more over its length, spread along it as the member's own is [kg]
     gyration: NotNegative = 1.0  #: square of that mass's radii of gyration over that of the section [-]
 
@@ -392,25 +393,25 @@ class Entries(Entry):
         own = [(float(np.subtract(s.at, member.start) @ axis), s) for s in self.segment if s.member == member.name]
         return [(max(x - s.extent / 2, 0.0), min(x + s.extent / 2, member.length), s) for x, s in own]
 
-    def part_at(self, member: Member, distance: float) -> tuple[Material, Vector, float, float]:
+    def part_at(self, member: Member, distance: float) -> tuple[Material, Vector, tuple[float, float], float]:
         """Return a member's material at a distance from its start [m] as segments make it, and factors.
 
-        Factors on stiffness in twist and in bending about the local y and z axes, on that in shear and along the axis,
+        Factors on stiffness in twist and in bending about the local y and z axes, on that along the axis and in shear,
         and on rotary and polar inertia in addition to the density's.
         """
         material, area = self.material[member.material], self.section[member.section].area
         here = [s for start, end, s in self.segments_of(member) if start <= distance <= end]
         if not here:
-            return material, (1.0, 1.0, 1.0), 1.0, 1.0
+            return material, (1.0, 1.0, 1.0), (1.0, 1.0), 1.0
         density = material.density + sum(s.mass / s.extent for s in here) / area
         turning = material.density + sum(s.gyration * s.mass / s.extent for s in here) / area
         factors = np.prod([[s.stiffness * factor for factor in (s.torsion, *s.bending)] for s in here], axis=0)
         twist, about_y, about_z = factors.tolist()
-        shear = float(np.prod([s.shear_stiffness for s in here]))
+        along, shear = np.prod([[s.shear_stiffness * s.axial, s.shear_stiffness] for s in here], axis=0).tolist()
         return (
             material.model_copy(update={"density": density}),
             (twist, about_y, about_z),
-            shear,
+            (along, shear),
             turning / density if density else 1.0,
         )
 

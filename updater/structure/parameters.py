@@ -15,6 +15,7 @@ from updater.errors import SelectionError
 from updater.structure.base import ON_MEMBER, Vector
 from updater.structure.entries import AXES, Axis, Body, Group, Joint, Member, Segment, Support
 from updater.structure.structure import Structure
+from updater.structure.walls import WALL_AXES, wall_of, wall_segments, walls_of
 
 _STIFFNESS_PRIOR = 0.03  # of ln E
 _FLEXIBILITY_PRIOR = 0.02  # of c E I / L, c the spring's flexibility: a nominally rigid connection
@@ -22,6 +23,7 @@ _BEARING_PRIOR = 1e-4  # times c E I / L^3: prior flexibility of a nominally rig
 _STATED_PRIOR = 1.0  # relative to a spring's flexibility in the file: it may be twice that, or half
 _MIN_STATED = 0.1  # relative to the flexibility in the file
 _RIGID = 1e-6  # the least flexibility of a turn, c E I / L
+_STIFF_WALL = 1e-4  # the least of a wall, relative to the expected one
 _UNMOVED = 1e-8  # the least of a bearing, c E I / L^3
 _WELD_PRIOR = 0.5  # relative to the flexibility that a joint's zone lacks compared with the members
 _WELDED = 0.95  # the most
@@ -60,7 +62,8 @@ class ModelParameter:
     A section's area (axis x), as by a thicker wall, is a factor on all its stiffness and its mass. A body's mass is
     relative to that in the file, that of each sensor's housing is in kilograms.
 
-    Flexibilities are c E I / L about an axis, c E I / L^3 along one, of the longest member. Members that meet overlap
+    Flexibilities are c E I / L about an axis, c E I / L^3 along one, of the longest member. Those of a chord's wall
+    are about the local axes of the branch, with its E I / L, and along it, with its E A / L. Members that meet overlap
     and are welded: near the joint they give less than their axes, drawn to a point, do. Of that flexibility a weld
     takes a share.
     """
@@ -68,11 +71,11 @@ class ModelParameter:
     name: str
     key: str  #: name of the parameter, such as `steel.E`, `support 0.ry`, `crossbeam.rz`, `crossbeam.weld`
     prior: float  #: standard deviation about the mean
-    kind: Literal["stiffness", "support", "joint", "weld", "block", "section", "body", "housings"]
+    kind: Literal["stiffness", "support", "joint", "weld", "block", "wall", "section", "body", "housings"]
     target: str = ""  #: material, index of the support or body, member, or section
     at: Vector = (0.0, 0.0, 0.0)  #: position of a joint, weld or body [m]
     axis: Axis = "x"
-    mean: float = 0.0  #: expected value
+    mean: float = 0.0  #: expected value: that of the file, but of a wall, which the file has rigid
     lower: float = -np.inf  #: least value
     upper: float = np.inf  #: greatest value
 
@@ -103,9 +106,17 @@ class ModelParameter:
             return named.get(self.axis) or f"factor on bending about local {self.axis[1]}"
         if self.kind in _MASSES:
             return "mass" if self.kind == "body" else "mass of the housing"
+        if self.kind == "wall":
+            return self._of_wall
         if self.axis in TURNS:
             return f"rotational stiffness about {self.axis[1]}"
         return f"stiffness along {self.axis}"
+
+    @property
+    def _of_wall(self) -> str:
+        """Physical quantity of a wall's parameter."""
+        about = f"rotational stiffness of the wall about local {self.axis[1:]}"
+        return about if self.axis in TURNS else "stiffness of the wall along the branch"
 
     @property
     def of(self) -> str:
@@ -144,12 +155,23 @@ def nominal_parameters(knobs: Sequence[ModelParameter]) -> FloatArray:
 
     Rigid connections have the springs of `with_springs`.
     """
-    return np.array([10 * knob.lower if is_rigid(knob) else knob.mean for knob in knobs])
+    return np.array([_nominal(knob) for knob in knobs])
+
+
+def _nominal(knob: ModelParameter) -> float:
+    if knob.kind == "wall":
+        return knob.lower
+    return 10 * knob.lower if is_rigid(knob) else knob.mean
 
 
 def is_rigid(knob: ModelParameter) -> bool:
     """Return whether a parameter is of a connection that the file has rigid."""
     return knob.kind in {"support", "joint"} and not knob.mean
+
+
+def starts_rigid(knob: ModelParameter) -> bool:
+    """Return whether a parameter is a flexibility that the file does not have: of a connection or a wall."""
+    return is_rigid(knob) or knob.kind == "wall"
 
 
 def model_parameters_of(structure: Structure, *, of_file: bool = False) -> list[ModelParameter]:
@@ -178,7 +200,7 @@ def check_updating(structure: Structure) -> None:
             known = ", ".join(knob.key for knob in knobs)
             raise SelectionError(f"updating: there is no parameter {pattern!r}; the parameters are {known}")
     for pattern, (least, greatest) in structure.updating.bounds.items():
-        for knob in (k for k in knobs if _matches(structure, k, pattern) and not is_rigid(k)):
+        for knob in (k for k in knobs if _matches(structure, k, pattern) and not starts_rigid(k)):
             nominal = physical_value(structure, knob, knob.mean)
             if not least * (1 - _OUTSIDE) <= nominal <= greatest * (1 + _OUTSIDE):
                 raise SelectionError(
@@ -200,7 +222,7 @@ def _bounded(structure: Structure, knob: ModelParameter) -> ModelParameter:
     for pattern, bounds in structure.updating.bounds.items():
         if _matches(structure, knob, pattern):
             lower, upper = sorted(fitted_value(structure, knob, bound) for bound in bounds)
-            lower = knob.lower if is_rigid(knob) else min(max(knob.lower, lower), knob.mean)
+            lower = knob.lower if starts_rigid(knob) else min(max(knob.lower, lower), knob.mean)
             knob = replace(knob, lower=lower, upper=max(min(knob.upper, upper), knob.mean))
     return knob
 
@@ -223,7 +245,17 @@ def physical_value(structure: Structure, knob: ModelParameter, value: float) -> 
         return structure.body[int(knob.target)].mass * (1 + value)
     if knob.kind == "housings":
         return value
-    return flexibility_unit(structure, knob.axis, knob.at) / value
+    return _unit(structure, knob) / value
+
+
+def _unit(structure: Structure, knob: ModelParameter) -> float:
+    """Return the stiffness of a connection or a wall with a flexibility of one [N m/rad or N/m]."""
+    if knob.kind != "wall":
+        return flexibility_unit(structure, knob.axis, knob.at)
+    branch = structure.member_named(knob.target)
+    section, modulus = structure.section[branch.section], structure.material[branch.material].youngs_modulus
+    of_axis = dict(zip(WALL_AXES, (*section.second_moment, section.area), strict=True))
+    return modulus * of_axis[knob.axis] / branch.length
 
 
 def physical_slope(structure: Structure, knob: ModelParameter, value: float) -> float:
@@ -254,7 +286,7 @@ def fitted_value(structure: Structure, knob: ModelParameter, value: float) -> fl
         return value / structure.body[int(knob.target)].mass - 1
     if knob.kind == "housings":
         return value
-    return flexibility_unit(structure, knob.axis, knob.at) / value
+    return _unit(structure, knob) / value
 
 
 def physical_unit(structure: Structure, knob: ModelParameter) -> str:
@@ -311,7 +343,29 @@ def all_knobs(structure: Structure) -> list[ModelParameter]:
                 upper=_WELDED,
             )
         )
-    return knobs
+    return [*knobs, *_of_walls(structure)]
+
+
+def _of_walls(structure: Structure) -> list[ModelParameter]:
+    """Return the springs of walls of hollow chords that branches are welded to."""
+    walls = walls_of(structure)
+    times = Counter(wall.branch.name for wall in walls)
+    return [
+        ModelParameter(
+            name=f"wall at {wall.branch.name}{place} flexibility {axis}",
+            key=f"{wall.branch.name}{place}.wall_{axis}",
+            prior=wall.expected[axis],
+            kind="wall",
+            target=wall.branch.name,
+            at=wall.at,
+            axis=axis,
+            mean=wall.expected[axis],
+            lower=_STIFF_WALL * wall.expected[axis],
+        )
+        for wall in walls
+        for place in (_place(wall.at, times[wall.branch.name]),)
+        for axis in WALL_AXES
+    ]
 
 
 def _of_the_file(structure: Structure) -> list[ModelParameter]:
@@ -499,6 +553,7 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
     welds: list[Segment] = []
     unit = FlexibilityUnits(structure)
     factors: dict[str, dict[Axis, float]] = {}
+    walls: dict[Meeting, dict[Axis, float]] = {}
     external = structure.external
     for knob, value in zip(knobs, x.tolist(), strict=True):
         if knob.kind == "stiffness" and external is not None:
@@ -511,6 +566,8 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
             welds += joint_segments(structure, knob, physical_value(structure, knob, value))
         elif knob.kind == "section":
             factors.setdefault(knob.target, {})[knob.axis] = round(float(np.exp(value)), _SECTION_DIGITS)
+        elif knob.kind == "wall":
+            walls.setdefault((knob.target, knob.at), {})[knob.axis] = value
         elif knob.kind == "body":
             bodies[int(knob.target)] = bodies[int(knob.target)].times(1 + value)
         elif knob.kind == "housings":
@@ -527,7 +584,12 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
             "support": tuple(supports),
             "joint": tuple(joints),
             "body": tuple(bodies),
-            "segment": (*structure.segment, *_section_segments(structure, factors), *welds),
+            "segment": (
+                *structure.segment,
+                *_section_segments(structure, factors),
+                *welds,
+                *wall_segments(structure, walls),
+            ),
         }
     )
 
@@ -591,7 +653,7 @@ def joint_zones(structure: Structure, knob: ModelParameter) -> list[tuple[Member
     """Return the members that meet at a joint, and from where to where along each a zone of it reaches [m].
 
     A weld reaches from the joint as far as a member is thick, a block from there on. Both end half-way to the next
-    joint of the member.
+    joint of the member, and leave out a segment for the springs of a chord's wall.
     """
     found = []
     for member in structure.member:
@@ -603,8 +665,15 @@ def joint_zones(structure: Structure, knob: ModelParameter) -> list[tuple[Member
             zones = beyond if knob.kind == "block" else [(s - inner, s + inner)]
             least, greatest = _half_way(structure, member, knob.at, 2 * outer)
             cut = [(max(start, least), min(end, greatest)) for start, end in zones]
-            found += [(member, start, end) for start, end in cut if end - start > ON_MEMBER]
+            wall = wall_of(structure, member, knob.at)
+            apart = [part for zone in cut for part in (_without(*zone, wall.start, wall.end) if wall else [zone])]
+            found += [(member, start, end) for start, end in apart if end - start > ON_MEMBER]
     return found
+
+
+def _without(start: float, end: float, gap_start: float, gap_end: float) -> list[tuple[float, float]]:
+    """Return what a gap leaves of a zone: one part, or two [m]."""
+    return [(start, min(end, gap_start)), (max(start, gap_end), end)]
 
 
 def _half_way(structure: Structure, member: Member, at: Vector, reach: float) -> tuple[float, float]:

@@ -15,6 +15,7 @@ from updater.structure.parameters import (
     is_of,
     is_rigid,
     joint_segments,
+    starts_rigid,
 )
 from updater.structure.structure import Structure
 
@@ -71,14 +72,14 @@ def stands_for_rigid(structure: Structure, connection: Support | Joint, knob: Mo
 
 
 def is_negligible(knob: ModelParameter, value: float) -> bool:
-    """Return whether a parameter is the flexibility of a connection of the file that is practically rigid.
+    """Return whether a parameter is the flexibility of a connection, or a wall, that is practically rigid.
 
     Parameters
     ----------
     knob : the parameter
     value : fitted value [unit of the parameter]
     """
-    return is_rigid(knob) and value < _NEGLIGIBLE * knob.lower
+    return starts_rigid(knob) and value < _NEGLIGIBLE * knob.lower
 
 
 def _flexibility(structure: Structure, connection: Support | Joint, axis: Axis) -> float:
@@ -105,7 +106,7 @@ def _does_nothing(segment: Segment) -> bool:
 
 
 def _largest_change(segment: Segment) -> float:
-    factors = (segment.stiffness, *segment.bending, segment.torsion, segment.shear_stiffness)
+    factors = (segment.stiffness, *segment.bending, segment.torsion, segment.shear_stiffness, segment.axial)
     return max(abs(factor - 1) for factor in factors)
 
 

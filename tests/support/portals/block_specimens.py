@@ -110,11 +110,11 @@ def draw_specimen(seed: int) -> Specimen:
     top = height + half
     fine = b / 2  # two across a bar: one is a sixth too stiff in twist
     mesh = MeshHex.init_tensor(
-        _grid_lines(
+        grid_lines(
             (-short, -block, 0.04), (-block, -half, b), (-half, half, fine), (half, block, b), (block, length, 0.04)
         ),
-        _grid_lines((-block, -half, b), (-half, half, fine), (half, block, b)),
-        _grid_lines(
+        grid_lines((-block, -half, b), (-half, half, fine), (half, block, b)),
+        grid_lines(
             (0.0, height - block, 0.04),
             (height - block, height - half, b),
             (height - half, top, fine),
@@ -125,7 +125,39 @@ def draw_specimen(seed: int) -> Specimen:
     up, along = (abs(x) < half) & (abs(y) < half) & (z < top), (abs(y) < half) & (abs(z - height) < half)
     middle = (abs(x) < block) & (abs(z - height) < block)
     mesh = mesh.restrict(np.flatnonzero(up | along | middle))
-    modulus, density = MODULUS * (1 + 0.01 * random.standard_normal()), DENSITY * (1 + 0.005 * random.standard_normal())
+    modulus, density = draw_steel(random)
+    mass = DENSITY * (8 * block**3 - b**2 * (3 * block))
+    body = [((0, 0, height), mass, mass * (2 * block) ** 2 / 6)]
+    text = file_text(
+        {"bar": f'shape = "rectangle"\nwidth = {b:.6f}\nheight = {b:.6f}'},
+        {"column": ("bar", (0, 0, 0), (0, 0, height)), "beam": ("bar", (-short, 0, height), (length, 0, height))},
+        body,
+    )
+    return solid_specimen(
+        mesh,
+        modulus,
+        density,
+        text=text,
+        foot=MODULUS * b**4 / 12 / height / random.uniform(0.01, 0.03, 3),
+        facts={
+            "b": b,
+            "block": 2 * block,
+            "mass": mass,
+            "E": modulus / MODULUS,
+            "rho": density / DENSITY,
+        },
+    )
+
+
+def draw_steel(random: np.random.Generator) -> tuple[float, float]:
+    """Draw modulus [Pa] and density [kg/m3]; those of the file are off by as much."""
+    return MODULUS * (1 + 0.01 * random.standard_normal()), DENSITY * (1 + 0.005 * random.standard_normal())
+
+
+def solid_specimen(
+    mesh: MeshHex, modulus: float, density: float, *, text: str, foot: FloatArray, facts: Mapping[str, float]
+) -> Specimen:
+    """Return a specimen of solids, whose nodes at a height of 0 stand on the foot."""
     shear, lame = modulus / (2 * (1 + POISSON)), modulus * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
     basis = Basis(mesh, ElementVector(ElementHexS2()), intorder=4)
 
@@ -142,37 +174,24 @@ def draw_specimen(seed: int) -> Specimen:
         for axis, own in enumerate(numbers):
             dofs[of_dof[own], axis] = own
     whole = _clamped(nodes, dofs, np.flatnonzero(nodes[:, 2] < 1e-9), basis.N)
-    mass = DENSITY * (8 * block**3 - b**2 * (3 * block))
-    body = [((0, 0, height), mass, mass * (2 * block) ** 2 / 6)]
-    text = _text(
-        {"bar": f'shape = "rectangle"\nwidth = {b:.6f}\nheight = {b:.6f}'},
-        {"column": ("bar", (0, 0, 0), (0, 0, height)), "beam": ("bar", (-short, 0, height), (length, 0, height))},
-        body,
-    )
     return Specimen(
         text=text,
         stiffness=sparse.csr_array(whole.T @ BilinearForm(elastic).assemble(basis) @ whole),
         mass=sparse.csr_array(whole.T @ BilinearForm(inert).assemble(basis) @ whole),
         translations=whole[dofs.T.ravel()],
         nodes=nodes,
-        foot=MODULUS * b**4 / 12 / height / random.uniform(0.01, 0.03, 3),
-        facts={
-            "b": b,
-            "block": 2 * block,
-            "mass": mass,
-            "E": modulus / MODULUS,
-            "rho": density / DENSITY,
-        },
+        foot=foot,
+        facts=facts,
     )
 
 
-def _grid_lines(*parts: tuple[float, float, float]) -> FloatArray:
+def grid_lines(*parts: tuple[float, float, float]) -> FloatArray:
     """Return lines of a grid through parts (start, end, largest size) [m]."""
     found = [np.linspace(a, b, max(1, int(np.ceil((b - a) / size - 1e-9))) + 1) for a, b, size in parts]
     return np.unique(np.round(np.concatenate(found), 7))
 
 
-def _text(sections: Mapping[str, str], members: Mapping[str, tuple[str, Any, Any]], bodies: Any = ()) -> str:
+def file_text(sections: Mapping[str, str], members: Mapping[str, tuple[str, Any, Any]], bodies: Any = ()) -> str:
     """Return a structure file: one foot, sensors along both axes across each member."""
     text = ['name = "frame"', "[mesh]", "element_length = 0.04", "[material.steel]"]
     text += [f"youngs_modulus = {MODULUS}", f"poisson_ratio = {POISSON}", f"density = {DENSITY}"]

@@ -74,6 +74,7 @@ def test_zones_of_neighbouring_joints_end_half_way_between_them() -> None:
     [
         ("stiffness factor beyond the joint zone", "beam", 8.0, "solid block"),
         ("rotational stiffness about y", "the joint of beam", 4e4, "walls that bend"),
+        ("rotational stiffness of the wall about local y", "the joint of beam", 4e4, "walls that bend"),
         ("factor on bending about local y", "section deck", 0.8, "shear lag"),
         ("factor on bending about local y", "section deck", 1.05, ""),  # within the tolerance of a section
         ("factor on area", "section deck", 0.8, ""),

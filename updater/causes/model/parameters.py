@@ -26,6 +26,7 @@ from updater.structure import (
     JOINT_ZONES,
     ON_MEMBER,
     TURNS,
+    WALL_ACTIONS,
     Member,
     ModelParameter,
     Structure,
@@ -39,6 +40,8 @@ from updater.structure import (
     physical_unit,
     physical_value,
     segments_of_one,
+    starts_rigid,
+    wall_of,
 )
 
 _STIFFNESS_STD = 0.05  # ln E including the density, which frequencies cannot distinguish from it
@@ -159,7 +162,7 @@ class ModelParameters(Discrete):
 
     def _change(self, k: int, theta: float, std: float) -> ParameterChange:
         knob, value = self.knobs[k], float(self.file_value[k] + min(theta, self._upper[k]))
-        rigid = knob.kind in {"support", "joint"} and not knob.mean
+        rigid = starts_rigid(knob)
         at_bound = theta >= self._upper[k] or (theta <= self.lower[0, k] and not rigid)
         return ParameterChange(
             name=knob.key,
@@ -177,7 +180,9 @@ class ModelParameters(Discrete):
         """Return the parameters with an entry in the written model."""
         relative = {"stiffness", "section", "body"}  # others have nothing at their least value
         return [
-            k for k, knob in enumerate(self.knobs) if knob.mean or knob.kind in relative or theta[k] > self.lower[0, k]
+            k
+            for k, knob in enumerate(self.knobs)
+            if (knob.mean and not starts_rigid(knob)) or knob.kind in relative or theta[k] > self.lower[0, k]
         ]
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
@@ -230,6 +235,8 @@ def _prior(knob: ModelParameter, wider: float, of_file: bool) -> float:
 
 def _file_value(model: Model, knob: ModelParameter) -> float:
     """Return the model's value of a parameter."""
+    if knob.kind == "wall":
+        return knob.lower
     if knob.kind not in {"support", "joint"}:
         return 0.0
     return flexibility_unit(model.structure, knob.axis, knob.at) / spring_of(model, knob)[1]
@@ -270,6 +277,12 @@ def _compliance(reference: Reference, knob: ModelParameter, value: float, file: 
         ]
         whole = np.asarray(np.sum(parts, axis=0))
         return whole if knob.kind in FACTORS else -whole / (1 - value)
+    if knob.kind == "wall":
+        wall = wall_of(model.structure, model.structure.member_named(knob.target), knob.at)
+        assert wall is not None  # the parameter is of it
+        action = WALL_ACTIONS[knob.axis]
+        ends = np.array([wall.start, wall.end])
+        return -wall.slope(value) * _between(reference, members.index(wall.branch), ends, slice(action, action + 1))
     row, _ = spring_of(model, knob)
     force = modal_spring_force(reference, connection_of(model.structure, knob), knob.axis, row)
     return np.outer(force, force) / flexibility_unit(file, knob.axis, knob.at)

@@ -1,0 +1,151 @@
+"""Walls of hollow chords that bend where a branch is welded to them: places, and springs as segments.
+
+Members of a frame keep their sections. A wall of a tube bends under the moments and the force of a branch that is
+narrower than it is, so that the branch turns and moves against the chord. Springs at the chord's face represent this:
+they turn the branch about its own axes, and let it move along its axis. They are effective, and hold below the
+frequencies at which the wall has modes of its own. Each is written as a short segment of the branch, softer in
+bending or along the axis. A branch as wide as the chord is held by the chord's sides, and has none.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from updater.structure.base import ON_MEMBER, Vector
+from updater.structure.entries import Axis, Member, Segment
+from updater.structure.section_shapes import Section
+from updater.structure.structure import Structure
+
+WALL_AXES: tuple[Axis, ...] = ("ry", "rz", "x")  #: local axes of the branch: bending about two, and along it
+#: number of the section force that strains each spring, of six: axial force, shear, twist, bending about y and z
+WALL_ACTIONS: Mapping[Axis, int] = {"ry": 4, "rz": 5, "x": 0}
+_EXTENT = 0.1  # of the branch's radius of gyration: extent of a segment that represents a spring
+_NARROW = 0.9  # of the chord's width: a wider branch stands on the chord's sides
+_BULK = 0.15  # least second moment over area squared of a tube; of solid bars at most 0.083
+_CLOSED = 0.5  # torsion constant of a tube, relative to its second moment, at least
+_MAX_OF_MEMBER = 0.25  # of the branch's length, that a face is from the node at the most
+_ALONG = 0.5  # cosine of the angle to the chord's axis, above which a branch runs along the wall
+# Flexibility of a wall by moments, times E t^3, and by forces, times E t^3 / width^2: the order of a plate clamped at
+# the chord's sides (Timoshenko & Woinowsky-Krieger 1959, s. 44)
+_TURN, _PUSH = 0.06, 0.012
+_DIGITS = 6  # of places and extents [m]
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A face of a chord that a branch is welded to."""
+
+    branch: Member
+    at: Vector  #: node where the axes meet [m]
+    start: float  #: of the segment that represents the springs, from the start of the branch [m]
+    extent: float  #: of this segment [m]
+    expected: Mapping[Axis, float]  #: order of each flexibility, over L / E I of the branch, or L / E A
+
+    @property
+    def end(self) -> float:
+        """End of the segment, from the start of the branch [m]."""
+        return self.start + self.extent
+
+    def factor(self, flexibility: float) -> float:
+        """Return the factor on the stiffness of the segment [-].
+
+        Parameters
+        ----------
+        flexibility : of a spring, over L / E I of the branch, or L / E A [-]
+        """
+        return 1 / (1 + flexibility * self.branch.length / self.extent)
+
+    def slope(self, flexibility: float) -> float:
+        """Return the derivative of the factor's logarithm by the flexibility [-]."""
+        return -self.factor(flexibility) * self.branch.length / self.extent
+
+    def segment(self, flexibility: Mapping[Axis, float]) -> Segment:
+        """Return the segment with springs of flexibilities by axis, over L / E I of the branch, or L / E A [-]."""
+        x, y, z = self.branch.point(self.start + self.extent / 2).round(_DIGITS).tolist()
+        about_y, about_z, along = (self.factor(flexibility.get(axis, 0.0)) for axis in WALL_AXES)
+        return Segment(
+            member=self.branch.name, at=(x, y, z), extent=self.extent, bending=(about_y, about_z), axial=along
+        )
+
+
+def walls_of(structure: Structure) -> list[Wall]:
+    """Return the faces of hollow chords that narrower branches end on, without those whose springs the file has."""
+    if structure.external is not None:
+        return []
+    ends = ((member, end) for member in structure.member for end in (member.start, member.end))
+    found = (wall_of(structure, member, end) for member, end in ends)
+    return [wall for wall in found if wall is not None and not _has_springs(structure, wall)]
+
+
+def _has_springs(structure: Structure, wall: Wall) -> bool:
+    """Return whether the file has a joint at the node, or a segment at the face."""
+    if any(joint.member == wall.branch.name and math.dist(joint.at, wall.at) < ON_MEMBER for joint in structure.joint):
+        return True
+    middle = wall.start + wall.extent / 2
+    own = (s for s in structure.segment if s.member == wall.branch.name and s.extent < 2 * wall.extent)
+    return any(abs(math.dist(s.at, wall.branch.start) - middle) < wall.extent for s in own)
+
+
+def wall_of(structure: Structure, branch: Member, at: Vector) -> Wall | None:
+    """Return the face of a chord that a branch ends on; None if it ends on none.
+
+    Parameters
+    ----------
+    branch : member
+    at : place [m]
+    """
+    if not _is_end(branch, at):
+        return None
+    chords = (m for m in structure.member if m is not branch and m.passes(at) and not _is_end(m, at))
+    return next((wall for chord in chords if (wall := _on_chord(structure, branch, chord, at))), None)
+
+
+def _is_end(member: Member, at: Vector) -> bool:
+    return min(math.dist(at, end) for end in (member.start, member.end)) < ON_MEMBER
+
+
+def _on_chord(structure: Structure, branch: Member, chord: Member, at: Vector) -> Wall | None:
+    own, section = structure.section[branch.section], structure.section[chord.section]
+    if own.edge is None or section.edge is None or not _is_hollow(section):
+        return None
+    along, *across = (chord.axes @ branch.axes[0]).tolist()
+    inner = int(np.argmin(np.abs(across)))  # axis of the chord's section across the wall that the branch is on
+    width = 2 * section.edge[inner]
+    own_width = 2 * float(np.max(np.abs(branch.axes[1:] @ chord.axes[1 + inner]) * own.edge))
+    depth = min(edge / abs(part) for edge, part in zip(section.edge, across, strict=True) if part)
+    if abs(along) > _ALONG or own_width > _NARROW * width or depth > _MAX_OF_MEMBER * branch.length:
+        return None
+    extent = round(max(_EXTENT * math.sqrt(max(own.second_moment) / own.area), 2e-3 * branch.length), _DIGITS)
+    start = depth if math.dist(at, branch.start) < ON_MEMBER else branch.length - depth - extent
+    return Wall(branch, at, start, extent, _expected(structure, branch, chord, width))
+
+
+def _is_hollow(section: Section) -> bool:
+    least = min(section.second_moment)
+    return least > _BULK * section.area**2 and section.torsion_constant > _CLOSED * least
+
+
+def _expected(structure: Structure, branch: Member, chord: Member, width: float) -> dict[Axis, float]:
+    """Return the order of each flexibility, by the thickness and the width [m] of the chord's wall."""
+    own, section = structure.section[branch.section], structure.section[chord.section]
+    assert section.edge is not None
+    around = (2 * np.pi if section.round else 8) * sum(section.edge) / 2
+    ratio = structure.material[branch.material].youngs_modulus / structure.material[chord.material].youngs_modulus
+    unit = ratio / (branch.length * (section.area / around) ** 3)  # E of the branch over its length and E t^3
+    turns = [_TURN * unit * moment for moment in own.second_moment]
+    return dict(zip(WALL_AXES, [*turns, _PUSH * unit * width**2 * own.area], strict=True))
+
+
+def wall_segments(
+    structure: Structure, flexibility: Mapping[tuple[str, Vector], Mapping[Axis, float]]
+) -> list[Segment]:
+    """Return the segments of walls with springs.
+
+    Parameters
+    ----------
+    flexibility : by branch and node, of each axis [unit: `Wall.segment`]
+    """
+    found = ((wall_of(structure, structure.member_named(name), at), own) for (name, at), own in flexibility.items())
+    return [wall.segment(own) for wall, own in found if wall is not None]
