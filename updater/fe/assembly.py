@@ -98,7 +98,7 @@ class _Kinds:
         self.stiffness: list[FloatArray] = []  # of each kind (12, 12), global axes
         self.mass: list[FloatArray] = []
         along = mesh.nodes[self.last] - mesh.nodes[self.first]
-        known: dict[tuple[str | float | Vector, ...], int] = {}
+        known: dict[tuple[str | float | tuple[float, ...], ...], int] = {}
         self.which = np.empty(len(along), np.intp)  # kind of each span
         for i, ((first, last, member), length) in enumerate(
             zip(mesh.spans, np.linalg.norm(along, axis=1), strict=True)

@@ -1,4 +1,4 @@
-"""Windows of measured modes of the frames with a block at the joint, and the errors of a file's modes."""
+"""Windows of measured modes of frames of solids, errors of a file's modes, and diagnoses of a change."""
 
 from dataclasses import replace
 
@@ -6,6 +6,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray
+from monitor.analysis.explanation import explain
 from monitor.analysis.observation import Observation, follow
 from oma import WindowQuality
 from oma.windows import Windows
@@ -65,3 +66,39 @@ def prediction_errors(structure: Structure, frequency: FloatArray, shape: FloatA
     apart = np.log(modes.frequency[seen] / frequency[:, None])
     measured, paired = linear_sum_assignment(1 - mac + 2 * np.abs(apart))
     return np.asarray(100 * apart[measured, paired])
+
+
+def change_is_found(specimen: Specimen, seed: int, effect: str, n_modes: int) -> bool:
+    """Return whether a body, or a loosened foot, is named with its place and size, against reference logs.
+
+    Parameters
+    ----------
+    seed : of the change and of the errors
+    effect : body or foot
+    n_modes : modes that are measured
+    """
+    random = np.random.default_rng((seed, 78))
+    beam, steel = specimen.file.member_named("beam"), specimen.file.material["steel"]
+    weight = sum(steel.density * specimen.file.section[m.section].area * m.length for m in specimen.file.member)
+    x, y, z = beam.point(random.uniform(0.2, 0.9) * beam.length).round(4).tolist()
+    mass, left, axis = weight * random.uniform(0.02, 0.05), random.uniform(0.3, 0.6), str(random.choice(["rx", "ry"]))
+    changed = (
+        specimen.modes(n_modes, body=((x, y, z), mass))
+        if effect == "body"
+        else specimen.modes(n_modes, loosened={axis: left})
+    )
+    before = measured_modes(specimen, *specimen.modes(n_modes), random, n=8, better=0.5)
+    now = measured_modes(specimen, *changed, random, first=20, better=0.5)
+    found = explain(specimen.file, before, now).diagnosis
+    named = {cause.cause: cause for cause in found.causes}
+    print(f"seed {seed}", effect, (x, y, z), mass, axis, left * specimen.foot, found.verdict, named)
+    if effect == "body":
+        body = named.get("added_mass")
+        if body is None or body.where is None or body.where.position is None:
+            return False
+        size = body.parameters["mass"]
+        near = np.linalg.norm(np.subtract(body.where.position, (x, y, z))) < 0.03
+        return bool(near and abs(size.value - mass) < 3 * size.std)
+    foot = named["support_stiffness"].parameters.get(f"stiffness_{axis}") if "support_stiffness" in named else None
+    true = left * specimen.foot[("rx", "ry", "rz").index(axis)]
+    return foot is not None and bool(abs(foot.value - true) < 3 * foot.std)

@@ -12,7 +12,7 @@ import pytest
 from monitor.analysis.explanation import explain
 from monitor.text.diagnosis import effective_texts
 from tests.support.portals.block_specimens import draw_specimen
-from tests.support.portals.block_windows import measured_modes, prediction_errors
+from tests.support.portals.block_windows import change_is_found, measured_modes, prediction_errors
 from updater import Cause, dump_structure, parse_structure, t_structure_toml
 from updater.quantities import ParameterChange
 from updater.structure import apply_parameters, model_parameters_of
@@ -152,33 +152,4 @@ def _block_is_found(seed: int) -> bool:
 @pytest.mark.parametrize("effect", ["body", "foot"])
 def test_change_of_a_frame_with_a_block_is_found(effect: str) -> None:
     """Against reference logs, whose calibration has no parameter beyond the joint zone: three of four draws."""
-    assert sum(_change_is_found(seed, effect) for seed in range(1, 5)) >= 3
-
-
-def _change_is_found(seed: int, effect: str) -> bool:
-    """Return whether a body, or a loosened foot, is named with its place and size."""
-    specimen, random = draw_specimen(seed), np.random.default_rng((seed, 78))
-    beam, steel = specimen.file.member_named("beam"), specimen.file.material["steel"]
-    weight = sum(steel.density * specimen.file.section[m.section].area * m.length for m in specimen.file.member)
-    x, y, z = beam.point(random.uniform(0.2, 0.9) * beam.length).round(4).tolist()
-    mass, left, axis = weight * random.uniform(0.02, 0.05), random.uniform(0.3, 0.6), str(random.choice(["rx", "ry"]))
-    changed = (
-        specimen.modes(N_USED, body=((x, y, z), mass))
-        if effect == "body"
-        else specimen.modes(N_USED, loosened={axis: left})
-    )
-    before = measured_modes(specimen, *specimen.modes(N_USED), random, n=8, better=0.5)
-    now = measured_modes(specimen, *changed, random, first=20, better=0.5)
-    found = explain(specimen.file, before, now).diagnosis
-    named = {cause.cause: cause for cause in found.causes}
-    print(f"seed {seed}", effect, (x, y, z), mass, axis, left * specimen.foot, found.verdict, named)
-    if effect == "body":
-        body = named.get("added_mass")
-        if body is None or body.where is None or body.where.position is None:
-            return False
-        size = body.parameters["mass"]
-        near = np.linalg.norm(np.subtract(body.where.position, (x, y, z))) < 0.03
-        return bool(near and abs(size.value - mass) < 3 * size.std)
-    foot = named["support_stiffness"].parameters.get(f"stiffness_{axis}") if "support_stiffness" in named else None
-    true = left * specimen.foot[("rx", "ry", "rz").index(axis)]
-    return foot is not None and bool(abs(foot.value - true) < 3 * foot.std)
+    assert sum(change_is_found(draw_specimen(seed), seed, effect, N_USED) for seed in range(1, 5)) >= 3
