@@ -95,4 +95,4 @@ def _graded(start: float, end: float) -> FloatArray:
     while sum(sizes) < total:
         sizes.append(min(1.7 * sizes[-1], 0.06))
     found = np.concatenate([[0.0], np.cumsum(sizes)]) * total / sum(sizes)
-    return np.round(start + np.sign(end - start) * found, 7)
+    return np.asarray(np.round(start + np.sign(end - start) * found, 7))
