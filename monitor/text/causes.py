@@ -53,7 +53,7 @@ _SAME_ERROR = 0.02  # relative difference of errors of frequencies that are thos
 _LARGE = 10.0  # kg: smaller masses are given in grams
 CLEAR_ODDS = 5.0  #: log evidence above which only one interpretation of the residual forces is shown
 SIGNIFICANT = 3.0  #: standard deviations from which a peak of them is named
-_UNCHANGED = 2.0  # standard deviations within which a stiffness is called unchanged
+_INSIGNIFICANT = 2.0  # standard deviations within which a change of stiffness is called not significant
 _SURE = 3.0  # standard deviations from which the difference of a fitted parameter from the file is certain
 
 
@@ -317,7 +317,7 @@ def breathing_text(cause: FittedCause) -> str:
 def other_texts(cause: FittedCause) -> list[str]:
     """Return the connections like one that changed, each with the changes of its stiffness in one line.
 
-    Such as `foot of the left post: unchanged (about y +1 ± 4 %)`.
+    Such as `foot of the left post: no significant change (about y +1 ± 4 %)`.
     """
     places: dict[str, list[OtherStiffness]] = {}
     for one in cause.others if isinstance(cause, Cause) else ():
@@ -326,14 +326,14 @@ def other_texts(cause: FittedCause) -> list[str]:
 
 
 def _stiffness_changes(found: Sequence[OtherStiffness]) -> str:
-    """Return the changes of stiffness at one place, unchanged if all are within their deviations."""
+    """Return the changes of stiffness at one place, and whether all are within their deviations."""
     text = ", ".join(
         f"{'about' if '_r' in one.parameter else 'along'} {one.parameter[-1]} "
         f"{signed_text(one.change_percent, one.std_percent)} %"
         for one in found
     )
-    unchanged = all(abs(one.change_percent) <= _UNCHANGED * one.std_percent for one in found)
-    return f"unchanged ({text})" if unchanged else f"stiffness {text}"
+    insignificant = all(abs(one.change_percent) <= _INSIGNIFICANT * one.std_percent for one in found)
+    return f"no significant change ({text})" if insignificant else f"stiffness {text}"
 
 
 def _opening_text(found: Breathing | None) -> str:

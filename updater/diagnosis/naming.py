@@ -502,7 +502,10 @@ def with_other_connections(
         for one in candidate.chosen
         if isinstance(one.cause, Springs) and _is_at(one.cause.connections[one.row], cause.where)
     )
-    chosen, named = next(with_it)
+    found = next(with_it, None)
+    if found is None:
+        return cause
+    chosen, named = found
     return cause.model_copy(
         update={
             "others": tuple(

@@ -49,7 +49,7 @@ def test_foot_that_did_not_change_is_estimated_within_its_deviations() -> None:
     assert {one.parameter for one in cause.others} >= {"stiffness_rx", "stiffness_ry"}
     assert sum(np.square(deviations(cause.others))) < chi2.ppf(SURE, len(cause.others))
     assert text.startswith("foot of the ")
-    assert ": unchanged (about x " in text
+    assert ": no significant change (about x " in text
 
 
 @pytest.mark.thorough
@@ -69,5 +69,5 @@ def test_text_states_other_feet_by_place_and_axis() -> None:
     cause = Cause(cause="support_stiffness", where=None, parameters={}, probability=1.0)
     assert other_texts(cause) == []
     one, both = (cause.model_copy(update={"others": others}) for others in ((about_x,), (about_x, along_z)))
-    assert other_texts(one) == ["foot of the left post: unchanged (about x +1 ± 4 %)"]
+    assert other_texts(one) == ["foot of the left post: no significant change (about x +1 ± 4 %)"]
     assert other_texts(both) == ["foot of the left post: stiffness about x +1 ± 4 %, along z -31 ± 5 %"]
