@@ -321,7 +321,9 @@ def other_texts(cause: FittedCause) -> list[str]:
     """
     places: dict[str, list[OtherStiffness]] = {}
     for one in cause.others if isinstance(cause, Cause) else ():
-        places.setdefault(one.name or "({:.3f}, {:.3f}, {:.3f}) m".format(*one.position), []).append(one)
+        place = one.name or "({:.3f}, {:.3f}, {:.3f}) m".format(*one.position)
+        own = f" ({one.member})" if one.member else ""  # joints of several members may be at one node
+        places.setdefault(place + own, []).append(one)
     return [f"{place}: {_stiffness_changes(found)}" for place, found in places.items()]
 
 
@@ -332,7 +334,7 @@ def _stiffness_changes(found: Sequence[OtherStiffness]) -> str:
         f"{signed_text(one.change_percent, one.std_percent)} %"
         for one in found
     )
-    insignificant = all(abs(one.change_percent) <= _INSIGNIFICANT * one.std_percent for one in found)
+    insignificant = all(abs(one.deviations) <= _INSIGNIFICANT for one in found)
     return f"no significant change ({text})" if insignificant else f"stiffness {text}"
 
 

@@ -512,9 +512,11 @@ def with_other_connections(
                 OtherStiffness(
                     name=place_name(structure, one.connection.at),
                     position=one.connection.at,
+                    member=getattr(one.connection, "member", None),
                     parameter=f"stiffness_{one.axis}",
                     change_percent=100 * one.change,
                     std_percent=100 * one.std,
+                    deviations=one.deviations,
                 )
                 for one in other_springs(data, chosen, named)
             )

@@ -63,11 +63,25 @@ def test_deviations_cover_feet_that_did_not_change() -> None:
 
 def test_text_states_other_feet_by_place_and_axis() -> None:
     about_x = OtherStiffness(
-        name="foot of the left post", position=(0, 0, 0), parameter="stiffness_rx", change_percent=1.3, std_percent=4.2
+        name="foot of the left post",
+        position=(0, 0, 0),
+        member=None,
+        parameter="stiffness_rx",
+        change_percent=1.3,
+        std_percent=4.2,
+        deviations=-0.3,
     )
-    along_z = about_x.model_copy(update={"parameter": "stiffness_z", "change_percent": -31.0, "std_percent": 5.0})
+    changed = {"parameter": "stiffness_z", "change_percent": -31.0, "std_percent": 5.0, "deviations": 9.0}
+    along_z = about_x.model_copy(update=changed)
+    of_two = [about_x.model_copy(update={"name": "joint of post and beam", "member": m}) for m in ("post", "beam")]
     cause = Cause(cause="support_stiffness", where=None, parameters={}, probability=1.0)
     assert other_texts(cause) == []
-    one, both = (cause.model_copy(update={"others": others}) for others in ((about_x,), (about_x, along_z)))
+    one, both, two = (
+        cause.model_copy(update={"others": others}) for others in ((about_x,), (about_x, along_z), tuple(of_two))
+    )
     assert other_texts(one) == ["foot of the left post: no significant change (about x +1 ± 4 %)"]
+    assert [text.partition(":")[0] for text in other_texts(two)] == [
+        "joint of post and beam (post)",
+        "joint of post and beam (beam)",
+    ]
     assert other_texts(both) == ["foot of the left post: stiffness about x +1 ± 4 %, along z -31 ± 5 %"]

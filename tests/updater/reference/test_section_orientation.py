@@ -50,7 +50,7 @@ def _observed(portal: Portal, foot: float, random: np.random.Generator) -> Obser
 
 
 @pytest.mark.parametrize(
-    ("members", "seed"), few_of([(m, seed) for seed in range(16) for m in ((), BEAM, POSTS, POSTS + BEAM)])
+    ("members", "seed"), few_of([(m, seed) for seed in range(16) for m in (BEAM, (), POSTS, POSTS + BEAM)])
 )
 def test_members_with_exchanged_dimensions_are_named(members: tuple[str, ...], seed: int) -> None:
     portal, foot, random = _drawn(seed)

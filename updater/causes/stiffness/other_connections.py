@@ -13,7 +13,8 @@ from updater.inference import Comparison, fit
 from updater.structure import Axis, Joint, Support
 
 _WIDE = 10.0  # prior standard deviation of a flexibility added, relative to the spring's own
-_DETERMINED = 0.25  # standard deviation of the flexibility, relative to the spring's own: with more nothing is known
+_DETERMINED = 0.25  # standard deviation of the flexibility, relative to that before and now: with more nothing is known
+_MOST = 8  # others that are estimated: the cost rises with their number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,6 +25,7 @@ class OtherSpring:
     axis: Axis
     change: float  #: relative change of the stiffness [-]
     std: float  #: [-]
+    deviations: float  #: change of the flexibility, whose error is nearly Gaussian, over its standard deviation [-]
 
 
 def other_springs(data: Comparison, chosen: Sequence[SelectedCause], named: SelectedCause) -> tuple[OtherSpring, ...]:
@@ -31,7 +33,8 @@ def other_springs(data: Comparison, chosen: Sequence[SelectedCause], named: Sele
 
     The parameters of all causes and the flexibilities of all others of the kind are fitted together; these have a wide
     prior. Connections without the same springs, those that were rigid, which have no relative change, and those that
-    another cause changes are left out, and so are springs that the data do not determine.
+    another cause changes are left out, and so are springs that the data do not determine. More than eight others are
+    not estimated.
 
     Parameters
     ----------
@@ -43,7 +46,7 @@ def other_springs(data: Comparison, chosen: Sequence[SelectedCause], named: Sele
     if not isinstance(cause, Springs):
         return ()
     free = [_widened(cause, row) for row in _others(cause, chosen, named.row)]
-    if not free:
+    if not 0 < len(free) <= _MOST:
         return ()
     joint: JointHypothesis[Any] = JointHypothesis(Nothing(comparison=data), (*chosen, *free))
     found = fit(data, joint, refine=False, start=np.concatenate([c.theta for c in (*chosen, *free)])[None])
@@ -52,11 +55,18 @@ def other_springs(data: Comparison, chosen: Sequence[SelectedCause], named: Sele
     for i, one in enumerate(free):
         for a in np.flatnonzero(cause.active[one.row]).tolist():
             k, own = begin + 3 * i + a, cause.own_flexibility(one.row)[a]
-            if std[k] < _DETERMINED * own:
-                left = 1 / (1 + found.theta[0, k] / own)
-                connection, axis = cause.connections[one.row], cause.axes[one.row][a]
-                change, deviation = float(left - 1), float(left**2 * std[k] / own)
-                springs.append(OtherSpring(connection=connection, axis=axis, change=change, std=deviation))
+            added = found.theta[0, k]
+            if std[k] < _DETERMINED * min(own, own + added):
+                left = own / (own + added)
+                springs.append(
+                    OtherSpring(
+                        connection=cause.connections[one.row],
+                        axis=cause.axes[one.row][a],
+                        change=float(left - 1),
+                        std=float(left**2 * std[k] / own),
+                        deviations=float(added / std[k]),
+                    )
+                )
     return tuple(springs)
 
 

@@ -37,9 +37,11 @@ class OtherStiffness(PlainValue):
 
     name: str  #: name of the place, such as `foot of the left post`; empty if it has none
     position: Vector  #: [m]
+    member: str | None  #: that a joint is between and the others; None of a support
     parameter: str  #: such as `stiffness_ry`
     change_percent: float  #: change of the stiffness since the reference [%]
     std_percent: float  #: [%]
+    deviations: float  #: change of the flexibility over its standard deviation [-]
 
 
 class Cause(FittedCause):

@@ -18,9 +18,9 @@ SEED = 1
 BODY = Body(at=(0.25, 0.0, 1.48), mass=0.3)
 
 
-@pytest.fixture(scope="module")
-def site() -> MeasuredAgain:
-    return MeasuredAgain(SEED, Change((BODY,)), COLUMN, only=("added_mass",))
+@pytest.fixture(scope="module", params=[("added_mass",), pytest.param((), marks=pytest.mark.thorough)])
+def site(request: pytest.FixtureRequest) -> MeasuredAgain:
+    return MeasuredAgain(SEED, Change((BODY,)), COLUMN, only=request.param)
 
 
 @pytest.fixture(scope="module")
