@@ -64,7 +64,7 @@ def echo(text: str, *, nl: bool = True, err: bool = False) -> None:
 
 def warn(text: str) -> None:
     """Print a text that needs attention, in yellow."""
-    console.print(text, style="yellow", markup=False)
+    console.print(text, style="yellow", soft_wrap=not console.is_terminal, markup=False)
 
 
 SPEED_SECONDS = 300.0  #: of the latest progress, from which the time left is estimated

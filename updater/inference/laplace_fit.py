@@ -249,7 +249,7 @@ def _fit(comparison: Comparison, hypotheses: H, start: FloatArray, *, near: bool
         moved = alive[gained > 0]
         if len(moved):
             slope[moved] = slopes(comparison, hypotheses, point, moved)
-    covariance: FloatArray = np.linalg.inv(normal(slope)).astype(np.float64)
+    covariance = _covariance(slope)
     of_frequencies = comparison.log_det_of_frequencies(drifting=hypotheses.drifting)
     of_new = comparison.freedom_of_new(point.effect.own.shape[1])
     volume = 0.5 * np.linalg.slogdet(covariance)[1] - np.log(hypotheses.prior_std).sum()
@@ -264,6 +264,16 @@ def _fit(comparison: Comparison, hypotheses: H, start: FloatArray, *, near: bool
         freedom=max(comparison.freedom + of_new - determined, 1.0),
         frequency_residual=point.residual[:, : len(comparison.log_ratio)],
     )
+
+
+def _covariance(slope: FloatArray) -> FloatArray:
+    """Return the covariance (n_alternatives, n_parameters, n_parameters) of the parameters at the best fit."""
+    covariance = np.linalg.inv(normal(slope)).astype(np.float64)
+    lost = np.flatnonzero((np.diagonal(covariance, axis1=1, axis2=2) <= 0).any(1))
+    if len(lost):  # by rounding in the squares, as of data without an error: from the slopes themselves
+        root = np.linalg.inv(np.linalg.qr(slope[lost], mode="r"))
+        covariance[lost] = root @ root.transpose(0, 2, 1)
+    return covariance
 
 
 def _determined(hypotheses: Hypotheses, covariance: FloatArray) -> float:

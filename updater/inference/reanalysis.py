@@ -338,6 +338,7 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
     static = effect.carried @ vector[:, n_modes:, :n_compared]
     value, vector = value[:, :n_compared], vector[:, :n_modes, :n_compared]
     old = (2 * np.pi * comparison.frequency[comparison.paired]) ** -2.0
+    value = np.maximum(value, _MIN * old)
     shape = (comparison.baseline_at_channels @ vector + static).transpose(0, 2, 1)
     own = inner(shape, comparison.base)
     along = np.where(np.abs(own) < 1e-6, 1e-6, own)  # else the mode is not seen at the channels
@@ -349,7 +350,7 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
     if effect.chain[:, :, n:].any():
         across = (comparison.across @ vector).transpose(0, 2, 1) / along
         read = read + across @ effect.chain[:, :, n:].transpose(0, 2, 1)
-    log_ratio = -0.5 * np.log(np.maximum(value / old, _MIN))
+    log_ratio = -0.5 * np.log(value / old)
     frequency = comparison.frequency[comparison.paired] * np.exp(log_ratio)
     shape, imaginary = _delayed(
         read, comparison.baseline_imaginary @ effect.chain[:, :, :n].transpose(0, 2, 1), frequency, effect.imaginary

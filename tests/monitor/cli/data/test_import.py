@@ -258,7 +258,7 @@ def test_import_creates_a_new_site_that_can_be_monitored(
     site.write_text(site.read_text().replace("window_seconds = 600.0", "window_seconds = 10.0"), encoding="utf-8")
     watched, short = tmp_path / "watched.mcap", ("--set", "analysis.window_seconds=6.5")
     assert "window   1 learning none of" in modalwatch("replay", log, "--site", site).out
-    assert_refused(modalwatch("report", log), "holds no results", "`modalwatch replay LOG -o WATCHED.mcap` watches it")
+    assert_refused(modalwatch("report", log), "holds no results", "`modalwatch replay LOG -o WATCHED.mcap` analyses it")
     done = modalwatch("replay", log, *short, "-o", watched)
     assert done.code == 0, done.err
     assert f"written: {watched}" in done.out

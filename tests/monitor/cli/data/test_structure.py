@@ -150,7 +150,7 @@ def test_sensor_for_unmeasured_modes_is_suggested(modalwatch: Commands, tmp_path
     assert done.code == 0, done.err
     # the bar is softer about y, so that modes 1 and 3 move in y
     assert "no sensor measures modes 1, 3" in " ".join(done.out.split())
-    assert "a sensor at (1, 0, 0) along y shows modes 1, 3, but does not distinguish 1 and 3" in " ".join(
+    assert "a sensor at (1.000, 0.000, 0.000) m along y shows modes 1, 3, but does not distinguish 1 and 3" in " ".join(
         done.out.split()
     )
 
