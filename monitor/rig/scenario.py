@@ -37,7 +37,7 @@ class Truth(Table):
     foot_flexibility: Flexibility = (0.0, 0.0, 0.0)  #: about x y z, times L / (E I) of the longest member [-]
     joint_flexibility: Flexibility = (0.0, 0.0, 0.0)  #: flexibility of every joint [-]
     damping: Annotated[tuple[Damping, ...], Field(min_length=8, max_length=200)] = (0.005,) * 24
-    """ratio of each simulated mode; with a crack, three times as many higher modes have the last one [-]"""
+    """ratio of each simulated mode; with a crack, only of those below 1.8 times `rate` [-]"""
     gain_scatter: NotNegative = 0.005  #: standard deviation of channel gains [-]
     noise_density: NotNegative = 2e-6  #: noise density of the sensors, one-sided [m/s2/sqrt(Hz)]
     force_density: NotNegative = 5e-9  #: density of each ambient force, two-sided [N2/Hz]
@@ -59,7 +59,9 @@ class RigCrack(Table):
     opens: Opens = "above"
 
     @model_validator(mode="after")
-    def _has_moment(self) -> Self:
+    def _is_a_law(self) -> Self:
+        if not self.closed <= self.flexibility:
+            raise ValueError(f"expected closed <= flexibility, found {self.closed:g}, {self.flexibility:g}")
         check_opening(self.opens, self.moment)
         return self
 

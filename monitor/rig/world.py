@@ -18,9 +18,7 @@ from updater.structure import Joint, Member, Support
 OVERSAMPLING = 4  #: simulated samples a scan at the scenario's rate
 LEAD = 4000  #: simulated samples before the world's origin, for the devices' filters to look back on
 _MESH = 0.01  # m
-# times the modes of a scenario where a crack is: shapes of the demo at the sensor next to a soft foot (35 mm) are then
-# 0.1 % off, not 0.6 %
-_CRACK_MODES = 4
+_HIGHEST = 0.45  # of the simulated rate: modes near half of it would appear at other frequencies
 _CHUNK = 0.25  # s simulated at once
 _KEPT = 4.0  # s of motion that devices may still request
 _SETTLED = (
@@ -146,15 +144,16 @@ class World:
         return response
 
     def _damping(self) -> FloatArray:
-        """Return the damping (n_modes,) of the modes; higher ones have that of the highest, where they are simulated.
+        """Return the damping (n_modes,) of the modes; with a crack, of those that the simulated rate resolves.
 
-        The kink of a shape at a crack consists of many modes.
+        Higher modes would appear at other frequencies. At a crack, one shape more has their flexibility. Bodies lower
+        frequencies, so that modes are counted before all events.
         """
         damping = np.array(self._scenario.truth.damping)
         if not any(crack for _, crack in self._states):
             return damping
-        n_modes = min(_CRACK_MODES * len(damping), *(model.n_dofs for model, _ in self._states))
-        return np.pad(damping, (0, max(n_modes - len(damping), 0)), mode="edge")
+        resolved = self._states[0][0].modes(len(damping)).frequency < _HIGHEST * self.rate
+        return damping[: max(int(np.count_nonzero(resolved)), 1)]
 
     def _ambient(self) -> Ambient:
         """Draw where the forces act: on every member, at each place across it in both directions."""

@@ -19,8 +19,6 @@ from updater.modal_data import Signals
 from updater.quantities import Breathing
 from updater.validation import breathing
 
-WINDOWS, SECONDS = 4, 40  # of the virtual rig
-START = 1_767_225_600_000_000_000
 PORTAL = Portal(0.015, 0.018, 0.0015, 0.9, 1.175)
 BREATHING = [(Crack(12 / 32, 0.03), 1), (Crack(24 / 32, 0.035, 0.0175), 2), (Crack(12 / 32, 0.04, threshold=0.4), 3)]
 OPEN = Crack(12 / 32, 0.02, 0.02)

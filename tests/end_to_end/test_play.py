@@ -7,7 +7,7 @@ from monitor.analysis.explanation import explain
 from monitor.analysis.observation import observe
 from monitor.rig import World, load_scenario, shipped_scenarios
 from monitor.text.causes import breathing_text
-from tests.end_to_end.test_breathing_crack import SECONDS, START, WINDOWS, windows
+from tests.end_to_end.test_rig_crack import SECONDS, START, WINDOWS, windows
 from tests.support.portals.cracked_portal import OVER, PARTS, RATE, SETTLING, Crack, CrackedPortal, forces, records
 from tests.support.portals.tube_portal import Portal
 from updater import dump_structure, parse_structure, t_structure_toml

@@ -11,12 +11,15 @@ from daq import FloatArray
 from oma import ComplexArray
 from updater.errors import ModelError
 from updater.fe.eigen import Modes
+from updater.fe.factorization import factorise
 from updater.fe.model import Model
-from updater.fe.section_forces import section_rigidity, weighted_actions
+from updater.fe.section_forces import element_at, section_rigidity, weighted_actions
 from updater.quantities import Opens
 from updater.structure import BreathingCrack, Structure
 
 _PARTS = 16  # of a sample, at one of which a crack opens or closes
+_RESIDUAL_DAMPING = 0.7  # ratio with which the shape beyond the modes follows a crack
+_COMPLETE = 1e-9  # of a crack's flexibility beyond the modes: less is rounding
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +79,11 @@ class Crack:
         return -1.0 if self.opens == "below" else 1.0
 
     @property
+    def place(self) -> tuple[str, float, str]:
+        """Member, distance from its start [m], and axis."""
+        return self.member, self.distance, self.axis
+
+    @property
     def by_sides(self) -> tuple[float, float]:
         """Flexibility on the near side of its moment, where zero is if it is positive, and on the far side."""
         both = self.closed, self.flexibility
@@ -93,6 +101,41 @@ class Crack:
         rigidity = structure.rigidity(structure.member[m])[action - 3]
         return self.side * np.sqrt(own / rigidity) * found, self.side * self.moment / float(np.sqrt(rigidity))
 
+    def with_residual(self, model: Model, modes: Modes) -> tuple[Modes, tuple[FloatArray, float]]:
+        """Return modes with one shape more, and their actions.
+
+        The shape is the static one under the crack's rotation, less its part in the modes: a Ritz vector (Wilson, Yuan
+        & Dickens 1982), orthogonal to them in mass and stiffness. It contains the flexibility of all modes left out. A
+        crack whose mean flexibility the model contains has none: its rotation is in the modes, and a hinge cannot take
+        back the flexibility of a stretch in shapes that are as short.
+        """
+        action, opens = self.actions(model, modes)
+        if self.mean:
+            return modes, (action, opens)
+        row = self._moment_row(model)
+        static = factorise(model.stiffness)(row)
+        shape = static - modes.shape @ (modes.shape.T @ (model.mass @ static))
+        stiffness = float(shape @ (model.stiffness @ shape))
+        if stiffness < _COMPLETE * float(row @ static):
+            return modes, (action, opens)
+        mass = float(shape @ (model.mass @ shape))
+        frequency = np.append(modes.frequency, np.sqrt(stiffness / mass) / (2 * np.pi))
+        shape /= np.sqrt(mass)
+        extended = Modes(frequency=frequency, shape=np.column_stack([modes.shape, shape]))
+        return extended, (np.append(action, row @ shape), opens)
+
+    def _moment_row(self, model: Model) -> FloatArray:
+        """Return the moment (n_dofs,) for unit displacements at rest, over root E I."""
+        structure = model.structure
+        span = element_at(model, structure.member_named(self.member), self.distance)
+        dofs = model.dofs[list(model.elements[span][:2])].ravel()
+        dofs = dofs[dofs >= 0]
+        unit = np.zeros((model.n_dofs, len(dofs)))
+        unit[dofs, np.arange(len(dofs))] = 1.0
+        row = np.zeros(model.n_dofs)
+        row[dofs], _ = self.actions(model, Modes(frequency=np.zeros(len(dofs)), shape=unit))
+        return row
+
 
 class AmbientResponse:
     """Accelerations of a structure in a given number of modes.
@@ -103,7 +146,8 @@ class AmbientResponse:
     together is exact as long as the crack is open, or closed. A sample that ends on another side of the moment is
     divided at the nearest of 16 parts to where a moment that changes linearly opens or closes it; with play, at both
     moments if it passes both. With dry friction, it is divided where it begins to slide and where it turns back. An
-    opening that begins and ends within one sample is not seen.
+    opening that begins and ends within one sample is not seen. With a crack that the model does not contain, one shape more,
+    the static one under its rotation, represents all modes beyond those of `damping`: shapes have the kink at the crack.
 
     Parameters
     ----------
@@ -113,6 +157,11 @@ class AmbientResponse:
     ambient : the forces
     rate : of the simulation [Hz]
     seed : of the forces
+
+    References
+    ----------
+    Wilson, E. L., Yuan, M.-W. & Dickens, J. M. (1982). Dynamic analysis by direct superposition of Ritz vectors.
+    Earthquake Engineering & Structural Dynamics 10(6), 813-821.
     """
 
     def __init__(
@@ -124,24 +173,29 @@ class AmbientResponse:
         self._rms = np.sqrt(ambient.density * rate)
         self._state = np.zeros(len(damping), complex)
         self._crack: _CrackedModes | None = None
-        self._adopt(model)
+        self._adopt(model, model.modes(len(damping)))
 
-    def _adopt(self, model: Model) -> None:
-        self._model = model
-        self._modes = model.modes(len(self._damping))
-        omega = self._modes.omega
-        self._pole = -self._damping * omega + 1j * omega * np.sqrt(1 - self._damping**2)
+    def _adopt(self, model: Model, modes: Modes) -> None:
+        self._model, self._modes = model, modes
+        damping = np.pad(self._damping, (0, len(modes.omega) - len(self._damping)), constant_values=_RESIDUAL_DAMPING)
+        self._pole = modes.omega * (-damping + 1j * np.sqrt(1 - damping**2))
 
     def change(self, model: Model, crack: Crack | None = None) -> None:
         """Continue with another model on the same mesh, and a crack, from the present displacements and velocities."""
         q, dq = self._state.imag / self._pole.imag, (self._pole * self._state).imag / self._pole.imag
         x, dx = self._modes.shape @ q, self._modes.shape @ dq
-        self._adopt(model)
-        onto = self._modes.shape.T @ model.mass
+        modes, before = model.modes(len(self._damping)), self._crack
+        self._crack = None
+        if crack:
+            modes, actions = crack.with_residual(model, modes)
+            coupled = _SlippingModes if crack.opens == "slips" else _CrackedModes
+            self._crack = coupled(modes, actions, self._damping, crack, self._rate)
+        self._adopt(model, modes)
+        onto = modes.shape.T @ model.mass
         q, dq = onto @ x, onto @ dx
         self._state = dq - self._pole.real * q + 1j * self._pole.imag * q
-        coupled = _SlippingModes if crack and crack.opens == "slips" else _CrackedModes
-        self._crack = coupled(model, self._modes, self._damping, crack, self._rate) if crack else None
+        if isinstance(self._crack, _SlippingModes) and isinstance(before, _SlippingModes):
+            self._crack.follow(before)
 
     def step(self, n: int) -> FloatArray:
         """Return the next accelerations (n, n_outputs) [m/s2]."""
@@ -171,11 +225,17 @@ class _CrackedModes:
     and e = 0 on the near side of its moment m0, (far - near) m0 on the far side, with the flexibilities there; of two
     far sides, the other sign on the other. For displacements q the moment is a^T q - g (d m - e), with g = a^T
     Lambda^-1 a.
+
+    A shape beyond the damped modes follows what moves it, without a resonance: its damper acts on its displacement less
+    that of the static shape under the present rotation. One on its displacement would damp the modes.
     """
 
-    def __init__(self, model: Model, modes: Modes, damping: FloatArray, crack: Crack, rate: float) -> None:
+    def __init__(
+        self, modes: Modes, actions: tuple[FloatArray, float], damping: FloatArray, crack: Crack, rate: float
+    ) -> None:
         n, omega = len(modes.omega), modes.omega
-        self._action, opens = crack.actions(model, modes)
+        self._crack, self._rate, self._n_damped = crack, rate, len(damping)
+        self._action, opens = actions
         own = float((self._action / omega) @ (self._action / omega))
         near, far = crack.by_sides
         self._opens = opens * (1 + (near - crack.mean) * own)  # in a^T q
@@ -188,7 +248,11 @@ class _CrackedModes:
             stiffness = np.diag(omega**2) - share * np.outer(self._action, self._action)
             rates = np.zeros((3 * n, 3 * n))
             rates[:n, n : 2 * n] = np.eye(n)
-            rates[n : 2 * n] = np.hstack([-stiffness, -np.diag(2 * damping * omega), np.eye(n)])
+            follows = np.eye(n)[len(damping) :]
+            follows = follows - share * follows @ np.outer(self._action / omega**2, self._action)
+            dampers = np.diag(2 * omega * np.pad(damping, (0, len(follows))))
+            dampers += 2 * _RESIDUAL_DAMPING * follows.T @ (omega[len(damping) :, None] * follows)
+            rates[n : 2 * n] = np.hstack([-stiffness, -dampers, np.eye(n)])
             part = scipy.linalg.expm(rates / (rate * _PARTS))
             steps = [over[: 2 * n] for over in itertools.accumulate(_PARTS * [part], np.matmul, initial=np.eye(3 * n))]
             self._sides.append((steps, rates[n : 2 * n, : 2 * n], constant))
@@ -210,11 +274,22 @@ class _CrackedModes:
             if reached != side:
                 after = self._divided(now, own, (side, reached), (moment, turned))
                 reached, turned = self._side(after)
+            acceleration[k] = self._acceleration(now, after, own, reached, reached)
             now, side, moment = after, reached, turned
-            _, rates, constant = self._sides[abs(side)]
-            acceleration[k] = rates @ now + own + side * constant
         q, dq = now[:n], now[n:]
         return acceleration, dq - pole.real * q + 1j * pole.imag * q
+
+    def _acceleration(
+        self, before: FloatArray, now: FloatArray, force: FloatArray, side: int, push: float
+    ) -> FloatArray:
+        """Return the accelerations (n_modes,) at the end of a sample; of the residual shape, its mean over the sample.
+
+        The residual shape moves in pulses that are shorter than a sample, where a crack opens or closes.
+        """
+        n = len(self._action)
+        found = self._sides[abs(side)][1] @ now + force + push * self._sides[1][2]
+        found[self._n_damped :] = (now - before)[n + self._n_damped :] * self._rate
+        return np.asarray(found)
 
     def _side(self, state: FloatArray) -> tuple[int, float]:
         """Return 1 on the far side of its moment, -1 on that of the opposite moment, else 0; and a^T q."""
@@ -248,7 +323,19 @@ class _SlippingModes(_CrackedModes):
     with the play operator of Iwan (1966) for the moment itself, because both are linear in a^T q and v.
     """
 
-    _slider, _side_of_slip = 0.0, 0  # v; 1 while it slides up, -1 down, 0 while it sticks
+    def __init__(
+        self, modes: Modes, actions: tuple[FloatArray, float], damping: FloatArray, crack: Crack, rate: float
+    ) -> None:
+        super().__init__(modes, actions, damping, crack, rate)
+        self._slider = 0.0  # v
+        self._side_of_slip = 0  # 1 while it slides up, -1 down, 0 while it sticks
+
+    def follow(self, before: "_SlippingModes") -> None:
+        """Continue from where the same place stuck, or slid, in another model; another place begins without slip."""
+        if self._crack.place == before._crack.place:
+            moment = before._slider / before._opens * before._crack.moment
+            self._slider = moment / self._crack.moment * self._opens
+            self._side_of_slip = before._side_of_slip
 
     def run(self, state: ComplexArray, pole: ComplexArray, force: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """Return accelerations (n, n_modes) by modal forces (n, n_modes), and the state (n_modes,) afterwards."""
@@ -256,9 +343,9 @@ class _SlippingModes(_CrackedModes):
         now = np.concatenate([state.imag / pole.imag, (pole * state).imag / pole.imag])
         acceleration = np.empty_like(force)
         for k, own in enumerate(force):
-            now = self._sample(now, own)
-            rates = self._sides[abs(self._side_of_slip)][1]
-            acceleration[k] = rates @ now + own + self._push * self._sides[1][2]
+            after = self._sample(now, own)
+            acceleration[k] = self._acceleration(now, after, own, self._side_of_slip, self._push)
+            now = after
         q, dq = now[:n], now[n:]
         return acceleration, dq - pole.real * q + 1j * pole.imag * q
 

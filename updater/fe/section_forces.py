@@ -54,6 +54,12 @@ def section_rigidity(model: Model, member: Member, at: FloatArray) -> FloatArray
     return found
 
 
+def element_at(model: Model, member: Member, at: float) -> int:
+    """Return the number of the element at a distance from a member's start [m]."""
+    ((span, _, _),) = _spans_at(model, member, np.array([at]))
+    return span
+
+
 def _spans_at(model: Model, member: Member, at: FloatArray) -> Iterator[tuple[int, float, IndexArray]]:
     """Yield the elements with stations (n,) of a member: number, start [m], stations in it."""
     own = sorted((_distance(model, member, i), i) for i in model.elements_of[member.name])

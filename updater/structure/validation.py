@@ -230,9 +230,9 @@ def odd_units(structure: Entries) -> list[str]:
 
 
 def mean_flexibilities(structure: Entries) -> list[str]:
-    """Return a line for each crack that opens and closes: linear analyses have its mean flexibility."""
+    """Return a line for each crack that opens and closes, or slips: linear analyses have its mean flexibility."""
     return [
         f"breathing_crack of {crack.member} at {list(crack.at)}: modes are those of its mean flexibility; "
-        "`modalwatch rig` opens and closes it"
+        f"in `modalwatch rig` it {'sticks and slides' if crack.opens == 'slips' else 'opens and closes'}"
         for crack in structure.breathing_crack
     ]

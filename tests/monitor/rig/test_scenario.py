@@ -125,6 +125,12 @@ def test_minimal_scenario_file_is_loaded(tmp_path: Path) -> None:
         ("duration = 10", "duration = nan", "duration: .*expected a number from .*, found nan"),
         ("at = [0, 0, 1.48]", "at = [0, 0]", r"device\.0\.at\.2: Field required"),
         ("at = 5", "at = 0.5", r"event\.0\.at: .*, found 0\.5"),
+        (
+            "body = {at = [0.2, 0, 1.48], mass = 0.2}",
+            'kind = "crack"\ncrack = {member = "column", distance = 0, axis = "y", flexibility = 0.01, closed = 0.02, '
+            'moment = 1, opens = "slips"}',
+            r"event\.0\.crack: .*expected closed <= flexibility, found 0\.02, 0\.01",
+        ),
         ("at = 5", 'at = 5\nkind = "earthquake"', r"event\.0\.kind: .*'add_body' or 'crack', found 'earthquake'"),
         ("[[event]]", '[[device]]\nname = "top"\nat = [0, 0, 1]\n[[event]]', "the name 'top' is given twice"),
         ("[[event]]", "[truth]\ndamping = [0.01]\n[[event]]", r"truth\.damping: .*at least 8"),

@@ -8,15 +8,16 @@ from scipy.signal import welch
 
 from daq import FloatArray
 from daq.drivers import EPSON_SCALE
-from monitor.rig import RigEvent, Scenario, World, draw_t_frame, make_sources, true_structure
+from monitor.rig import T_DEVICES, RigEvent, Scenario, World, draw_t_frame, make_sources, true_structure
 from monitor.rig.scenario import RigCrack
 from tests.support.monitor.rig import ORIGIN, nominal, t_frame
 from tests.support.thorough import few_of
 from updater import Body, Model, build_model, parse_structure
-from updater.fe import Crack, Modes
-from updater.structure import Ground
+from updater.fe import Modes
+from updater.structure import Ground, Support
 
 MODES = range(8)
+SOFT = 0.035  # m: rotation per moment over E I
 HEAVY = Body(at=(0.25, 0.0, 1.48), mass=0.304)
 SENSORS = [(0, "xy"), (1, "xy"), (2, "xy"), (3, "xy"), (4, "yz"), (5, "yz")]  # device number, analysed axes
 
@@ -299,28 +300,90 @@ def test_other_frames_can_be_simulated() -> None:
     assert motion.std() > 0
 
 
-def test_modes_at_a_crack_have_the_shapes_of_a_hinge() -> None:
-    """Shapes at the sensor 0.37 m from a soft foot, with the simulated modes and with 200: off by 0.2 % at most."""
-    crack = RigCrack(member="column", distance=0.0, axis="y", flexibility=0.035, closed=0.035)
+@pytest.fixture(scope="module")
+def soft_foot() -> tuple[World, Model]:
+    """A world whose foot has become softer by a hinge of 35 mm, and a model of the same with a softer spring."""
+    crack = RigCrack(member="column", distance=0.0, axis="y", flexibility=SOFT, closed=SOFT)
+    scenario = nominal(4, {"damping": (0.005,) * 12})
     event = RigEvent(kind="crack", at=10.0, crack=crack)
-    world = World(t_frame(), nominal(4).model_copy(update={"event": (event,)}))
-    model, simulated = world._states[-1][0], len(world._damping())
-    own, exact, few = (_column_shapes(model, Crack(**crack.model_dump()), n) for n in (simulated, 200, 12))
-    np.testing.assert_allclose(own, exact, rtol=2e-3)
-    assert np.abs(few / exact - 1).max() > 4e-3
+    world = World(t_frame(), scenario.model_copy(update={"event": (event,)}))
+    world._response.change(*world._states[-1])
+    truth = true_structure(t_frame(), scenario)
+    (foot,) = truth.support
+    rigidity = truth.rigidity(truth.member_named("column"))[1]
+    springs = {**foot.stiffness, "ry": 1 / (SOFT / rigidity + 1 / foot.stiffness.get("ry", np.inf))}
+    fixed = [axis for axis in foot.fixed if axis != "ry"]
+    softer = Support.model_validate({"at": foot.at, "fixed": fixed, "stiffness": springs})
+    structure = truth.model_copy(update={"support": (softer,)})
+    return world, build_model(structure, shear_flexible=True, mass="consistent")
 
 
-def _column_shapes(model: Model, crack: Crack, n: int) -> FloatArray:
-    """Return the lowest sensor's share (3,) of unit shapes of the column about y, above the first: second to fourth."""
-    modes = model.modes(n)
-    action, _ = crack.actions(model, modes)
-    own = float((action / modes.omega) @ (action / modes.omega))
-    share = crack.flexibility / (1 + crack.flexibility * own)
-    square, vector = np.linalg.eigh(np.diag(modes.omega**2) - share * np.outer(action, action))
-    at = np.array([model.read(np.array((0.0, 0.0, z)), 0) for z in (0.37, 0.74, 1.11, 1.48)]) @ modes.shape @ vector
-    moved = np.abs(vector.T @ action) / square**0.5  # of the foot
-    bending = np.sort(np.argsort(-moved[: len(MODES) + 2])[:4])[1:]
-    return np.asarray(np.abs(at[0] / np.linalg.norm(at, axis=0))[bending])
+def test_modes_at_a_crack_have_the_shapes_of_a_hinge(soft_foot: tuple[World, Model]) -> None:
+    """Shapes at the sensor 0.37 m from the foot are off by 0.1 % at most; without the residual shape, by 0.35 to 0.63 %.
+
+    They are compared as shares of the shapes of the column about y, of unit length.
+    """
+    world, softer = soft_foot
+    exact, own = softer.modes(10), world._response._modes
+    stiffness = -world._response._crack._sides[0][1][:, : len(own.omega)]  # type: ignore[union-attr]
+    square, vector = np.linalg.eigh(stiffness)
+    np.testing.assert_allclose(np.sqrt(square[:10]), exact.omega, rtol=5e-4)
+    expected, found = (
+        np.array([model.read(np.array((0.0, 0.0, z)), 0) for z in (0.37, 0.74, 1.11, 1.48)]) @ shape
+        for model, shape in ((softer, exact.shape), (world._states[-1][0], (own.shape @ vector)[:, :10]))
+    )
+    bends = np.linalg.norm(expected, axis=0) > 0.2 * np.linalg.norm(expected, axis=0).max()
+    assert bends.sum() >= 4
+    shares = [np.abs(shape[0] / np.linalg.norm(shape, axis=0))[bends] for shape in (found, expected)]
+    np.testing.assert_allclose(*shares, rtol=1e-3)
+
+
+def test_spectrum_with_a_crack_is_that_of_a_softer_foot(soft_foot: tuple[World, Model]) -> None:
+    """Amplitudes of all analysed channels, as sampled and of the continuous structure with 120 modes and held forces.
+
+    From 120 to 300 Hz within 4 %; in bands of 25 Hz below 400 Hz within 15 %, as without a crack: a band between
+    resonances lacks what modes above the simulated ones contribute. Modes that appear at wrong frequencies would double
+    amplitudes.
+    """
+    world, softer = soft_foot
+    response, frequency = world._response, np.arange(5.0, 400.0, 0.5)
+    modes, (steps, rates, _) = response._modes, response._crack._sides[0]  # type: ignore[union-attr]
+    n = 2 * len(modes.omega)
+    forward, pushed = steps[-1][:, :n], steps[-1][:, n:]
+    read, push = (response._read @ modes.shape)[columns()], (response._force @ modes.shape).T
+    exact = softer.modes(120)
+    damping = np.pad(world._damping(), (0, 120 - len(world._damping())), mode="edge")
+    rows = np.concatenate([softer.read(np.array(at))[:3] for at, _ in T_DEVICES.values()])[columns()] @ exact.shape
+    ambient = world._ambient()
+    acting = [softer.read(np.array(at), axis) for at, axis in zip(ambient.points, ambient.axes, strict=True)]
+    forces = (np.array(acting) @ exact.shape).T
+    found, expected = np.empty((2, len(frequency), len(rows)))
+    for k, f in enumerate(frequency):
+        turn = np.exp(2j * np.pi * f / world.rate)
+        state = np.linalg.solve(turn * np.eye(n) - forward, turn * pushed @ push)
+        moved = rates @ state + push
+        moved[-1] = world.rate * (1 - 1 / turn) * state[-1]
+        found[k] = (np.abs(read @ moved) ** 2).sum(1)
+        s = 2j * np.pi * f
+        gain = s**2 / (s**2 + 2 * damping * exact.omega * s + exact.omega**2) * np.sinc(f / world.rate)
+        expected[k] = (np.abs((rows * gain) @ forces) ** 2).sum(1)
+    middle = (frequency > 120) & (frequency < 300)
+    np.testing.assert_allclose(np.sqrt(found[middle].sum(0) / expected[middle].sum(0)), 1, atol=0.04)
+    bands = [frequency // 25 == k for k in range(16)]
+    ratio = np.sqrt([found[band].sum(0) / expected[band].sum(0) for band in bands])
+    print(f"{ratio.min():.3f} to {ratio.max():.3f}")
+    np.testing.assert_allclose(ratio, 1, atol=0.15)
+
+
+def test_modes_above_the_simulated_rate_are_left_out_with_a_crack() -> None:
+    """40 dampings, of which 22 are of modes below 1.8 kHz."""
+    crack = RigCrack(member="column", distance=0.3, axis="y", flexibility=0.04)
+    scenario = nominal(0, {"damping": (0.005,) * 40})
+    event = RigEvent(kind="crack", at=10.0, crack=crack)
+    world = World(t_frame(), scenario.model_copy(update={"event": (event,)}))
+    frequency = world._response._modes.frequency
+    assert frequency.max() < 1.8 * scenario.rate
+    assert len(frequency) == 22
 
 
 def test_old_samples_are_discarded() -> None:

@@ -164,12 +164,33 @@ def test_dry_friction_under_a_slow_force_has_the_loop_of_its_law() -> None:
     _check_slow_deflection(crack, moment, 0.02 * moment + 0.04 * np.array(slider[1:]))
 
 
+def test_model_change_keeps_a_place_where_it_stuck_or_slid() -> None:
+    """At any sample: a change to the same model is no change. Without the slider's place, it is one."""
+    model, damping = build_model(_thin_cantilever(), mass="consistent"), np.full(8, 0.01)
+    crack = Crack(member="b", distance=0.4, axis="y", flexibility=0.06, opens="slips", moment=2e-7)
+    ambient = Ambient(points=(TIP,), axes=(2,), density=_FAINT * DENSITY)
+    rows = model.read(np.array(TIP))[2:3]
+    plain, changed, forgetful = (AmbientResponse(model, rows, damping, ambient, rate=0.4, seed=5) for _ in range(3))
+    for response in (plain, changed, forgetful):
+        response.change(model, crack)
+    expected = plain.step(400)
+    for k in range(0, 400, 20):
+        found = changed.step(20)
+        np.testing.assert_allclose(found, expected[k : k + 20], rtol=0, atol=1e-7 * np.abs(expected).max())
+        changed.change(model, crack)
+    forgetful.step(200)
+    forgetful.change(model)
+    forgetful.change(model, crack)
+    assert np.abs(forgetful.step(200) - expected[200:]).max() > 0.01 * np.abs(expected).max()
+
+
 def _check_slow_deflection(crack: Crack, moment: FloatArray, rotation: FloatArray) -> None:
     """Compare the tip's deflection under a slow force with that of a hinge, given over E I, from 20 periods on."""
     model = build_model(_thin_cantilever(), mass="consistent")
     modes, damping = model.modes(8), np.full(8, 0.7)
     rate = 20 * float(modes.omega[0]) / (2 * np.pi)
-    own = (_SlippingModes if crack.opens == "slips" else _CrackedModes)(model, modes, damping, crack, rate)
+    coupled = _SlippingModes if crack.opens == "slips" else _CrackedModes
+    own = coupled(modes, crack.actions(model, modes), damping, crack, rate)
     at_tip = model.read(np.array(TIP))[2] @ modes.shape
     pole = -damping * modes.omega + 1j * modes.omega * np.sqrt(1 - damping**2)
     force, state, found = moment / _ARM, np.zeros(8, complex), []
@@ -195,11 +216,11 @@ def test_sample_that_passes_the_play_is_divided_twice(opens: Literal["within", "
     modes, damping = model.modes(1), np.array([0.01])
     crack = Crack(member="b", distance=0.4, axis="y", flexibility=0.06, opens=opens, moment=0.1)
     pole = -damping * modes.omega + 1j * modes.omega * np.sqrt(1 - damping**2)
-    (moment,), reached = crack.actions(model, modes)
+    (moment,), reached = actions = crack.actions(model, modes)
     q, dq = 1.5 * reached / moment, -4 * reached / moment * modes.omega
     start, found = dq - pole.real * q + 1j * pole.imag * q, []
     for parts in (1, 64):
-        own = _CrackedModes(model, modes, damping, crack, parts * 6 * float(modes.omega[0]) / (2 * np.pi))
+        own = _CrackedModes(modes, actions, damping, crack, parts * 6 * float(modes.omega[0]) / (2 * np.pi))
         found.append(own.run(start, pole, np.zeros((parts, 1)))[1])
     assert moment * found[0].imag / pole.imag < -reached
     np.testing.assert_allclose(found[0], found[1], rtol=1e-3)
