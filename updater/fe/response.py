@@ -146,8 +146,9 @@ class AmbientResponse:
     together is exact as long as the crack is open, or closed. A sample that ends on another side of the moment is
     divided at the nearest of 16 parts to where a moment that changes linearly opens or closes it; with play, at both
     moments if it passes both. With dry friction, it is divided where it begins to slide and where it turns back. An
-    opening that begins and ends within one sample is not seen. With a crack that the model does not contain, one shape more,
-    the static one under its rotation, represents all modes beyond those of `damping`: shapes have the kink at the crack.
+    opening that begins and ends within one sample is not seen. With a crack that the model does not
+    contain, one shape more, the static one under its rotation, has the flexibility of all modes beyond those of
+    `damping`, so that shapes have the kink at the crack.
 
     Parameters
     ----------

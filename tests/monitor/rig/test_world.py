@@ -319,7 +319,7 @@ def soft_foot() -> tuple[World, Model]:
 
 
 def test_modes_at_a_crack_have_the_shapes_of_a_hinge(soft_foot: tuple[World, Model]) -> None:
-    """Shapes at the sensor 0.37 m from the foot are off by 0.1 % at most; without the residual shape, by 0.35 to 0.63 %.
+    """Shapes at the sensor 0.37 m from the foot are off by 0.1 % at most; in 12 modes alone, by 0.35 to 0.63 %.
 
     They are compared as shares of the shapes of the column about y, of unit length.
     """
@@ -334,8 +334,8 @@ def test_modes_at_a_crack_have_the_shapes_of_a_hinge(soft_foot: tuple[World, Mod
     )
     bends = np.linalg.norm(expected, axis=0) > 0.2 * np.linalg.norm(expected, axis=0).max()
     assert bends.sum() >= 4
-    shares = [np.abs(shape[0] / np.linalg.norm(shape, axis=0))[bends] for shape in (found, expected)]
-    np.testing.assert_allclose(*shares, rtol=1e-3)
+    own_share, share = (np.abs(shape[0] / np.linalg.norm(shape, axis=0))[bends] for shape in (found, expected))
+    np.testing.assert_allclose(own_share, share, rtol=1e-3)
 
 
 def test_spectrum_with_a_crack_is_that_of_a_softer_foot(soft_foot: tuple[World, Model]) -> None:
