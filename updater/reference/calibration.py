@@ -5,6 +5,7 @@ support and joint, and the additional stiffness of members where they meet. Dens
 not distinguish it from stiffness.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Literal
@@ -18,10 +19,16 @@ from daq import FloatArray, IndexArray
 from oma import pair_modes
 from oma.tracking import mac_of_moving
 from updater.errors import PairingError
-from updater.fe import Model, Modes, build_model, elastic_energy, parts_between
+from updater.fe import Element, Model, Modes, build_model, elastic_energy, parts_between
 from updater.modal_data import ModalMean, check_baseline, check_unit
 from updater.quantities import SIGNIFICANT, ParameterChange
-from updater.reference.sensitivity_method import Convergence, Prior, fit_parameters, frequency_slope
+from updater.reference.sensitivity_method import (
+    Convergence,
+    Prior,
+    SensitivityFit,
+    fit_parameters,
+    frequency_slope,
+)
 from updater.structure import (
     TURNS,
     WALL_ACTIONS,
@@ -61,6 +68,11 @@ _MAX_FOR_REACH = 60  # ... as far as so many do
 _ALIKE = 0.9  # share of a shape above which it certainly corresponds to the model's modes of the file
 UNLIKE = 0.7  #: share below which it does not, once the model is nearly right
 _CLOSE = 0.03  # of ln f: modes that turn into each other
+_LEAST_PAIRED = 3  # modes that a structure is fitted to
+# Log of the ratio of evidences above which it is very strong (Kass & Raftery 1995, J. Am. Stat. Assoc. 90, s. 3.2)
+_LOG_VERY_STRONG = 5.0
+# Chi-square per mode of a fit with springs of walls, above which the file has other errors that the springs imitate
+_FAR_OFF = 10.0
 _STEP = 1e-4  # of ln of a weld's stiffness, in the finite difference of an element's matrix
 
 
@@ -229,30 +241,23 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     modes = enough_modes(nominal, rows, highest, len(measured.log_frequency), n_modes=n_modes)
     seen = (rows @ modes.shape).T
     frequency = np.exp(measured.log_frequency)
-    answers = pair_modes(frequency, measured.shape, modes.frequency, seen)
     check_unit(frequency, measured.shape, modes.frequency, seen)
-    n_nominal = int((answers >= 0).sum())
-    if n_nominal < 3:
+    file = _Pairs(modes.frequency, seen, pair_modes(frequency, measured.shape, modes.frequency, seen))
+    data = _Data(structure, measured, nominal.mesh_error(modes.shape), n_modes)
+    knobs = model_parameters_of(structure)
+    held = [knob for knob in knobs if knob.kind != "wall"]
+    rigid = data.fitted(held, data.pairs(held, file)) if file.n >= _LEAST_PAIRED else None
+    best = rigid if len(held) == len(knobs) else _with_walls(data, knobs, file, rigid)
+    if best is None:
         raise PairingError(
-            f"only {n_nominal} of the modes at {np.round(frequency, 2).tolist()} Hz are paired with one "
+            f"only {file.n} of the modes at {np.round(frequency, 2).tolist()} Hz are paired with one "
             f"of the model's {np.round(modes.frequency[:12], 2).tolist()} Hz: check the structure and the "
             "channel map"
         )
-    mesh_error = nominal.mesh_error(modes.shape)
-    knobs = model_parameters_of(structure)
-    alike, answers = _first_pairs(structure, knobs, measured, answers, modes.frequency, seen)
-    if 3 <= len(alike) < (answers >= 0).sum():  # others are paired better by a model that is nearly right
-        rough = _Misfit(structure, knobs, measured.only(alike), mesh_error[answers[alike]], n_modes)
-        first = fit_parameters(rough, _prior(knobs))
-        nearer = best_model(apply_parameters(structure, knobs, first.value))
-        close, read, answers = _pairs_with(nearer, measured, len(modes.frequency))
-        answers = np.where(share_within(measured, answers, close, read) > UNLIKE, answers, -1)
-    tracks = np.flatnonzero(answers >= 0)
-    n_fitted = int(answers.max()) + 1 + _BEYOND
-    misfit = _Misfit(structure, knobs, measured.only(tracks), mesh_error[answers[tracks]], n_fitted)
-    fit = fit_parameters(misfit, _prior(knobs))
-    model, _, paired = misfit.solved(fit.value)
-    value = [np.exp(x) if k.kind == "stiffness" else x for k, x in zip(knobs, fit.value, strict=True)]
+    fit, tracks = best.fit, np.flatnonzero(best.answers >= 0)
+    model, _, paired = best.misfit.solved(fit.value)
+    value = [np.exp(x) if k.kind == "stiffness" else x for k, x in zip(best.knobs, fit.value, strict=True)]
+    before = best.answers if best is rigid else _in_the_file(data, file, best.answers)
     return Calibration(
         structure=model.structure,
         nominal=structure,
@@ -260,49 +265,128 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
         modes=model.modes(len(modes.frequency)),
         tracks=tracks,
         paired=paired,
-        n_nominal=n_nominal,
-        nominal_frequency=modes.frequency[answers[tracks]],
-        nominal_mac=_likeness(measured, answers, seen)[tracks],
+        n_nominal=file.n,
+        nominal_frequency=modes.frequency[before[tracks]],
+        nominal_mac=_likeness(measured, before, seen)[tracks],
         parameters=tuple(
             Parameter(name=k.name, value=float(v), std=float(s), at_bound=bool(b))
-            for k, v, s, b in zip(knobs, value, fit.std, fit.at_bound, strict=True)
+            for k, v, s, b in zip(best.knobs, value, fit.std, fit.at_bound, strict=True)
         ),
         reason=fit.reason,
-        knobs=tuple(knobs),
+        knobs=tuple(best.knobs),
     )
 
 
-def _first_pairs(
-    structure: Structure,
-    knobs: list[ModelParameter],
-    measured: ModalMean,
-    answers: IndexArray,
-    frequency: FloatArray,
-    seen: FloatArray,
-) -> tuple[IndexArray, IndexArray]:
-    """Return the tracks that are surely paired, and the model mode (n_tracks,) of each track, -1 for none.
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """Modes of a model, and measured ones that are paired with them."""
 
-    With the expected flexibility of walls, which the file has rigid, more modes may be paired than with the file.
+    frequency: FloatArray  #: (n_modes,) [Hz]
+    seen: FloatArray  #: (n_modes, n_channels) shapes at the channels
+    answers: IndexArray  #: (n_tracks,) model mode of each track, -1 for none
+
+    @property
+    def n(self) -> int:
+        """Number of tracks with a partner."""
+        return int((self.answers >= 0).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """Parameters fitted to paired modes."""
+
+    knobs: list[ModelParameter]
+    answers: IndexArray  #: (n_tracks,) number of a mode of the model that they were paired with, -1 for none
+    misfit: "_Misfit"
+    fit: SensitivityFit
+
+
+@dataclass(frozen=True, eq=False)
+class _Data:
+    """A structure, and the measured modes that it is fitted to."""
+
+    structure: Structure
+    measured: ModalMean  #: (n_tracks,)
+    mesh_error: FloatArray  #: (n_modes,) of the structure as in the file
+    n_modes: int  #: of a model that is roughly fitted
+
+    def pairs(self, knobs: list[ModelParameter], start: _Pairs) -> IndexArray:
+        """Return the model mode (n_tracks,) of each track, -1 for none.
+
+        If some pairs are sure and others are not, the model is first fitted to the sure ones.
+        """
+        measured, answers = self.measured, start.answers
+        alike = np.flatnonzero(share_within(measured, answers, start.frequency, start.seen) > _ALIKE)
+        if not _LEAST_PAIRED <= len(alike) < start.n:
+            return answers
+        rough = _Misfit(self.structure, knobs, measured.only(alike), self.mesh_error[answers[alike]], self.n_modes)
+        first = fit_parameters(rough, _prior(knobs))
+        nearer = _pairs_with(
+            best_model(apply_parameters(self.structure, knobs, first.value)), measured, len(start.frequency)
+        )
+        share = share_within(measured, nearer.answers, nearer.frequency, nearer.seen)
+        return np.where(share > UNLIKE, nearer.answers, -1)
+
+    def misfit(self, knobs: list[ModelParameter], answers: IndexArray) -> "_Misfit":
+        """Return the misfit to the tracks that have a partner."""
+        tracks = np.flatnonzero(answers >= 0)
+        n_fitted = int(answers.max()) + 1 + _BEYOND
+        return _Misfit(self.structure, knobs, self.measured.only(tracks), self.mesh_error[answers[tracks]], n_fitted)
+
+    def fitted(self, knobs: list[ModelParameter], answers: IndexArray, start: FloatArray | None = None) -> _Fitted:
+        """Return parameters fitted to the tracks that have a partner; None: from the prior's start."""
+        misfit, prior = self.misfit(knobs, answers), _prior(knobs)
+        if start is not None:
+            prior = replace(prior, start=start)
+        return _Fitted(knobs, answers, misfit, fit_parameters(misfit, prior))
+
+
+def _with_walls(data: _Data, knobs: list[ModelParameter], file: _Pairs, rigid: _Fitted | None) -> _Fitted | None:
+    """Return the fit with springs of walls if its evidence is much greater than with rigid walls, otherwise `rigid`.
+
+    The prior of a spring is about the flexibility of a plate, and modes that do not determine it leave it there: a
+    rigid joint would become soft. Both are fitted to the same modes, the one with rigid walls also from the parameters
+    of the other: a local minimum is no evidence. These modes are paired with the expected flexibility of the walls if
+    more are paired then.
 
     Parameters
     ----------
-    answers, frequency, seen : of the file: modes that are paired, its frequencies [Hz] and shapes at the channels
+    knobs : all, with those of walls
+    file : modes as in the file
+    rigid : fit without springs of walls; None if too few modes are paired with those of the file
     """
     walls = [knob for knob in knobs if knob.kind == "wall"]
-    if walls:
-        softer = best_model(apply_parameters(structure, walls, np.array([knob.mean for knob in walls])))
-        found = _pairs_with(softer, measured, len(frequency))
-        if (found[2] >= 0).sum() >= (answers >= 0).sum():
-            frequency, seen, answers = found
-    return np.flatnonzero(share_within(measured, answers, frequency, seen) > _ALIKE), answers
+    expected = best_model(apply_parameters(data.structure, walls, np.array([knob.mean for knob in walls])))
+    softer = _pairs_with(expected, data.measured, len(file.frequency))
+    start = softer if softer.n > file.n else file
+    if start.n < _LEAST_PAIRED:
+        return rigid
+    answers = data.pairs(knobs, start)
+    if rigid is not None and (answers >= 0).sum() <= (rigid.answers >= 0).sum():
+        answers = rigid.answers
+    free = data.fitted(knobs, answers)
+    others = np.array([knob.kind != "wall" for knob in knobs])
+    held = [knob for knob in knobs if knob.kind != "wall"]
+    nearby = data.fitted(held, answers), data.fitted(held, answers, free.fit.value[others])
+    gain = free.fit.log_evidence - max(one.fit.log_evidence for one in nearby)
+    near = free.fit.chi_square < _FAR_OFF * (answers >= 0).sum()
+    return free if near and gain > _LOG_VERY_STRONG else rigid
 
 
-def _pairs_with(model: Model, measured: ModalMean, n_modes: int) -> tuple[FloatArray, FloatArray, IndexArray]:
-    """Return a model's frequencies [Hz], its shapes (n_modes, n_channels) and its mode of each track, -1 for none."""
+def _in_the_file(data: _Data, file: _Pairs, answers: IndexArray) -> IndexArray:
+    """Return the mode (n_tracks,) of the file of each track that has a partner: the paired, or the most alike one."""
+    tracks = np.flatnonzero(answers >= 0)
+    found = answers.copy()
+    found[tracks] = data.misfit([], answers).solved(np.empty(0))[2]
+    return np.where((answers >= 0) & (file.answers >= 0), file.answers, found)
+
+
+def _pairs_with(model: Model, measured: ModalMean, n_modes: int) -> _Pairs:
+    """Return a model's modes, and the measured ones that are paired with them."""
     modes = model.modes(n_modes)
     seen = (channel_rows(model, measured.channels) @ modes.shape).T
     answers = pair_modes(np.exp(measured.log_frequency), measured.shape, modes.frequency, seen)
-    return modes.frequency, seen, answers
+    return _Pairs(modes.frequency, seen, answers)
 
 
 def share_within(measured: ModalMean, answers: IndexArray, frequency: FloatArray, seen: FloatArray) -> FloatArray:
@@ -438,30 +522,42 @@ class _Misfit:
 
     def _by_weld(self, model: Model, modes: Modes, knob: ModelParameter, less: float) -> FloatArray:
         """Return d ln omega by the share of flexibility that a weld takes, its elements' part of b^T dK b."""
-        gained = np.zeros(len(modes.omega))
-        for member, start, end in joint_zones(self._structure, knob):
-            for element, local in parts_between(model, modes.shape, member, start, end):
-                more, fewer = (element.turned(np.exp(h)) for h in (_STEP, -_STEP))
-                change = (more.elastic_stiffness - fewer.elastic_stiffness) @ local / (2 * _STEP)
-                gained += (local * change).sum(0)
-        return np.asarray(gained / (2 * modes.omega**2) / (1 - less))
+        zones = joint_zones(model.structure, knob)
+        parts = [part for zone in zones for part in parts_between(model, modes.shape, *zone)]
+        return _by_factor(modes, parts, Element.turned) / (1 - less)
 
     def _by_wall(self, model: Model, modes: Modes, knob: ModelParameter, flexibility: float) -> FloatArray:
         """Return d ln omega by the flexibility of a wall's spring: its segment's elastic energy over its compliance."""
         wall = wall_of(self._structure, self._structure.member_named(knob.target), knob.at)
         assert wall is not None  # the parameter is of it
-        gained = np.zeros(len(modes.omega))
-        for element, local in parts_between(model, modes.shape, wall.branch, wall.start, wall.end):
-            more, fewer = (element.with_factor(WALL_ACTIONS[knob.axis], np.exp(h)) for h in (_STEP, -_STEP))
-            change = (more.elastic_stiffness - fewer.elastic_stiffness) @ local / (2 * _STEP)
-            gained += (local * change).sum(0)
-        return np.asarray(gained / (2 * modes.omega**2) * wall.slope(flexibility))
+        parts = parts_between(model, modes.shape, wall.branch, wall.start, wall.end)
+        action = WALL_ACTIONS[knob.axis]
+        by_factor = _by_factor(modes, parts, lambda element, factor: element.with_factor(action, factor))
+        return by_factor * wall.slope(flexibility)
 
     def _by_spring(self, model: Model, modes: Modes, knob: ModelParameter) -> FloatArray:
         """Return d ln omega / dc, -q^2 / (2 omega^2 unit) by the moments or forces q of the modes in the spring."""
         row, spring = spring_of(model, knob)
         force = spring * (row @ modes.shape)
         return np.asarray(-(force**2) / (2 * modes.omega**2 * flexibility_unit(self._structure, knob.axis, knob.at)))
+
+
+def _by_factor(
+    modes: Modes, parts: list[tuple[Element, FloatArray]], with_factor: Callable[[Element, float], Element]
+) -> FloatArray:
+    """Return d ln omega (n_modes,) by the logarithm of a factor on elements' stiffness, their part of b^T dK b.
+
+    Parameters
+    ----------
+    parts : elements, each with shapes (12, n_modes) in its own axes
+    with_factor : an element with a factor
+    """
+    gained = np.zeros(len(modes.omega))
+    for element, local in parts:
+        more, fewer = (with_factor(element, float(np.exp(h))) for h in (_STEP, -_STEP))
+        change = (more.elastic_stiffness - fewer.elastic_stiffness) @ local / (2 * _STEP)
+        gained += (local * change).sum(0)
+    return np.asarray(gained / (2 * modes.omega**2))
 
 
 def spring_of(model: Model, knob: ModelParameter) -> tuple[FloatArray, float]:

@@ -78,8 +78,10 @@ def _nominal_value(structure: Structure, knob: ModelParameter) -> float:
 
 
 def _difference_step(knob: ModelParameter, value: float) -> float:
-    if knob.kind in {"weld", "wall"}:
-        return _WELD_STEP if knob.kind == "weld" else _WALL_STEP * knob.prior
+    if knob.kind == "weld":
+        return _WELD_STEP
+    if knob.kind == "wall":
+        return _WALL_STEP * knob.prior
     return _RELATIVE_STEP if knob.kind in _FACTORS or not value else _RELATIVE_STEP * value
 
 

@@ -222,8 +222,11 @@ def _bounded(structure: Structure, knob: ModelParameter) -> ModelParameter:
     for pattern, bounds in structure.updating.bounds.items():
         if _matches(structure, knob, pattern):
             lower, upper = sorted(fitted_value(structure, knob, bound) for bound in bounds)
-            lower = knob.lower if starts_rigid(knob) else min(max(knob.lower, lower), knob.mean)
-            knob = replace(knob, lower=lower, upper=max(min(knob.upper, upper), knob.mean))
+            upper = min(knob.upper, upper)
+            if starts_rigid(knob):
+                knob = replace(knob, mean=min(knob.mean, upper), upper=upper)
+            else:
+                knob = replace(knob, lower=min(max(knob.lower, lower), knob.mean), upper=max(upper, knob.mean))
     return knob
 
 
@@ -550,7 +553,7 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
     material = dict(structure.material)
     supports, joints = list(structure.support), list(structure.joint)
     bodies = list(structure.body)
-    welds: list[Segment] = []
+    welds: list[tuple[ModelParameter, float]] = []
     unit = FlexibilityUnits(structure)
     factors: dict[str, dict[Axis, float]] = {}
     walls: dict[Meeting, dict[Axis, float]] = {}
@@ -563,7 +566,7 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
             changed = {"youngs_modulus": old.youngs_modulus * factor, "shear_modulus": old.shear_modulus * factor}
             material[knob.target] = old.model_copy(update=changed)
         elif knob.kind in JOINT_ZONES:
-            welds += joint_segments(structure, knob, physical_value(structure, knob, value))
+            welds.append((knob, physical_value(structure, knob, value)))
         elif knob.kind == "section":
             factors.setdefault(knob.target, {})[knob.axis] = round(float(np.exp(value)), _SECTION_DIGITS)
         elif knob.kind == "wall":
@@ -577,6 +580,9 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
             supports[i] = _sprung(supports[i], knob.axis, spring)
         else:
             _put_joint(joints, knob, unit(knob.axis, knob.at) / value)
+    springs = wall_segments(structure, walls)
+    walled = structure.model_copy(update={"segment": (*structure.segment, *springs)})
+    zones = [segment for knob, factor in welds for segment in joint_segments(walled, knob, factor)]
     return structure.model_copy(
         update={
             "external": external,
@@ -584,12 +590,7 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
             "support": tuple(supports),
             "joint": tuple(joints),
             "body": tuple(bodies),
-            "segment": (
-                *structure.segment,
-                *_section_segments(structure, factors),
-                *welds,
-                *wall_segments(structure, walls),
-            ),
+            "segment": (*structure.segment, *_section_segments(structure, factors), *zones, *springs),
         }
     )
 
@@ -653,7 +654,7 @@ def joint_zones(structure: Structure, knob: ModelParameter) -> list[tuple[Member
     """Return the members that meet at a joint, and from where to where along each a zone of it reaches [m].
 
     A weld reaches from the joint as far as a member is thick, a block from there on. Both end half-way to the next
-    joint of the member, and leave out a segment for the springs of a chord's wall.
+    joint of the member, and leave out a segment with the springs of a chord's wall, where the structure has one.
     """
     found = []
     for member in structure.member:
@@ -666,7 +667,8 @@ def joint_zones(structure: Structure, knob: ModelParameter) -> list[tuple[Member
             least, greatest = _half_way(structure, member, knob.at, 2 * outer)
             cut = [(max(start, least), min(end, greatest)) for start, end in zones]
             wall = wall_of(structure, member, knob.at)
-            apart = [part for zone in cut for part in (_without(*zone, wall.start, wall.end) if wall else [zone])]
+            soft = wall is not None and any(wall.is_of(segment) for segment in structure.segment)
+            apart = [p for zone in cut for p in (_without(*zone, wall.start, wall.end) if wall and soft else [zone])]
             found += [(member, start, end) for start, end in apart if end - start > ON_MEMBER]
     return found
 

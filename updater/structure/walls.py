@@ -8,11 +8,12 @@ bending or along the axis. A branch as wide as the chord is held by the chord's 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from daq import FloatArray
 from updater.structure.base import ON_MEMBER, Vector
 from updater.structure.entries import Axis, Member, Segment
 from updater.structure.section_shapes import Section
@@ -31,6 +32,7 @@ _ALONG = 0.5  # cosine of the angle to the chord's axis, above which a branch ru
 # the chord's sides (Timoshenko & Woinowsky-Krieger 1959, s. 44)
 _TURN, _PUSH = 0.06, 0.012
 _DIGITS = 6  # of places and extents [m]
+_ALIKE = 1e-3  # relative difference of extents that are the same but for the digits of a file
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,10 @@ class Wall:
         """Return the derivative of the factor's logarithm by the flexibility [-]."""
         return -self.factor(flexibility) * self.branch.length / self.extent
 
+    def flexibility(self, factor: float) -> float:
+        """Return the flexibility of a spring, over L / E I of the branch, or L / E A, by the segment's factor [-]."""
+        return (1 / factor - 1) * self.extent / self.branch.length
+
     def segment(self, flexibility: Mapping[Axis, float]) -> Segment:
         """Return the segment with springs of flexibilities by axis, over L / E I of the branch, or L / E A [-]."""
         x, y, z = self.branch.point(self.start + self.extent / 2).round(_DIGITS).tolist()
@@ -68,6 +74,12 @@ class Wall:
         return Segment(
             member=self.branch.name, at=(x, y, z), extent=self.extent, bending=(about_y, about_z), axial=along
         )
+
+    def is_of(self, segment: Segment) -> bool:
+        """Return whether a segment is at the place of the springs."""
+        own = self.segment({})
+        alike = math.isclose(segment.extent, own.extent, rel_tol=_ALIKE)
+        return segment.member == own.member and alike and math.dist(segment.at, own.at) < ON_MEMBER
 
 
 def walls_of(structure: Structure) -> list[Wall]:
@@ -80,8 +92,8 @@ def walls_of(structure: Structure) -> list[Wall]:
 
 
 def _has_springs(structure: Structure, wall: Wall) -> bool:
-    """Return whether the file has a joint at the node, or a segment at the face."""
-    if any(joint.member == wall.branch.name and math.dist(joint.at, wall.at) < ON_MEMBER for joint in structure.joint):
+    """Return whether the file has a joint at the node, of whatever member, or a segment at the face."""
+    if any(math.dist(joint.at, wall.at) < ON_MEMBER for joint in structure.joint):
         return True
     middle = wall.start + wall.extent / 2
     own = (s for s in structure.segment if s.member == wall.branch.name and s.extent < 2 * wall.extent)
@@ -110,16 +122,30 @@ def _on_chord(structure: Structure, branch: Member, chord: Member, at: Vector) -
     own, section = structure.section[branch.section], structure.section[chord.section]
     if own.edge is None or section.edge is None or not _is_hollow(section):
         return None
-    along, *across = (chord.axes @ branch.axes[0]).tolist()
-    inner = int(np.argmin(np.abs(across)))  # axis of the chord's section across the wall that the branch is on
-    width = 2 * section.edge[inner]
-    own_width = 2 * float(np.max(np.abs(branch.axes[1:] @ chord.axes[1 + inner]) * own.edge))
-    depth = min(edge / abs(part) for edge, part in zip(section.edge, across, strict=True) if part)
-    if abs(along) > _ALONG or own_width > _NARROW * width or depth > _MAX_OF_MEMBER * branch.length:
+    if abs(float(chord.axes[0] @ branch.axes[0])) > _ALONG:
+        return None
+    depth, aside, across, half = _face(section, chord, branch)
+    own_half = float(np.max(np.abs(branch.axes[1:] @ across) * own.edge))
+    if aside + own_half > _NARROW * half or depth > _MAX_OF_MEMBER * branch.length:
         return None
     extent = round(max(_EXTENT * math.sqrt(max(own.second_moment) / own.area), 2e-3 * branch.length), _DIGITS)
     start = depth if math.dist(at, branch.start) < ON_MEMBER else branch.length - depth - extent
-    return Wall(branch, at, start, extent, _expected(structure, branch, chord, width))
+    return Wall(branch, at, start, extent, _expected(structure, branch, chord, 2 * half))
+
+
+def _face(section: Section, chord: Member, branch: Member) -> tuple[float, float, FloatArray, float]:
+    """Return where the axis of a branch leaves a chord, from the node along it and from the middle of the wall [m].
+
+    Then follow the direction across this wall, and half of the wall's width [m]. A round chord is the same all around.
+    """
+    edge = np.array(section.edge)
+    parts = np.abs(chord.axes[1:] @ branch.axes[0])
+    if section.round:
+        across = np.cross(chord.axes[0], branch.axes[0])
+        return float(edge[0] / np.linalg.norm(parts)), 0.0, across / np.linalg.norm(across), float(edge[0])
+    faced = int(np.argmax(parts / edge))  # axis of the section along which the branch leaves it
+    depth = float(edge[faced] / parts[faced])
+    return depth, float(depth * parts[1 - faced]), chord.axes[2 - faced], float(edge[1 - faced])
 
 
 def _is_hollow(section: Section) -> bool:
@@ -148,4 +174,33 @@ def wall_segments(
     flexibility : by branch and node, of each axis [unit: `Wall.segment`]
     """
     found = ((wall_of(structure, structure.member_named(name), at), own) for (name, at), own in flexibility.items())
-    return [wall.segment(own) for wall, own in found if wall is not None]
+    return [wall.segment(own) for wall, own in found if wall is not None and any(own.values())]
+
+
+def with_wall_factors(
+    structure: Structure, walls: Mapping[tuple[str, Vector], Mapping[Axis, Callable[[Wall, float], float]]]
+) -> tuple[Segment, ...]:
+    """Return the structure's segments with the factors of walls' springs changed, without walls that become rigid.
+
+    Parameters
+    ----------
+    walls : by branch and node, of each axis the new factor by the wall and the old one
+    """
+    segments = list(structure.segment)
+    for (name, at), change in walls.items():
+        wall = wall_of(structure, structure.member_named(name), at)
+        segments = [s for segment in segments if (s := _changed(wall, segment, change)) is not None]
+    return tuple(segments)
+
+
+def _changed(
+    wall: Wall | None, segment: Segment, change: Mapping[Axis, Callable[[Wall, float], float]]
+) -> Segment | None:
+    """Return a segment, if it is of a wall with its factors changed; None if it does nothing then."""
+    if wall is None or not wall.is_of(segment):
+        return segment
+    factors = zip(WALL_AXES, (*segment.bending, segment.axial), strict=True)
+    about_y, about_z, along = (change[axis](wall, own) if axis in change else own for axis, own in factors)
+    if (about_y, about_z, along) == (1.0, 1.0, 1.0):
+        return None
+    return segment.model_copy(update={"bending": (about_y, about_z), "axial": along})

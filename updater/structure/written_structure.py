@@ -1,6 +1,7 @@
 """Structure as written to a file: without springs and welds that have no effect, rounded to the known digits."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -15,9 +16,11 @@ from updater.structure.parameters import (
     is_of,
     is_rigid,
     joint_segments,
+    physical_value,
     starts_rigid,
 )
 from updater.structure.structure import Structure
+from updater.structure.walls import Wall, with_wall_factors
 
 _Connection = TypeVar("_Connection", Support, Joint)
 _Entry = TypeVar("_Entry", bound=Entry)
@@ -28,7 +31,7 @@ _NO_WELD = 1e-4  # relative change of a segment's stiffness that is left out, wh
 
 
 def simplified(structure: Structure, knobs: Sequence[ModelParameter]) -> Structure:
-    """Return the structure without springs and welds that change nothing.
+    """Return the structure without springs, also of walls, and welds that change nothing.
 
     Parameters
     ----------
@@ -42,13 +45,30 @@ def simplified(structure: Structure, knobs: Sequence[ModelParameter]) -> Structu
                 supports[i] = _held(supports[i], knob.axis)
         else:
             joints = [_stiffened(j, knob.axis) if stands_for_rigid(structure, j, knob) else j for j in joints]
+    segments = with_wall_factors(structure, _by_wall({knob: partial(_rigid_wall, knob) for knob in knobs}))
     return structure.model_copy(
         update={
             "support": tuple(supports),
             "joint": tuple(joint for joint in joints if joint.stiffness),
-            "segment": tuple(segment for segment in structure.segment if not _does_nothing(segment)),
+            "segment": tuple(segment for segment in segments if not _does_nothing(segment)),
         }
     )
+
+
+def _by_wall(
+    change: Mapping[ModelParameter, Callable[[Wall, float], float]],
+) -> dict[tuple[str, Vector], dict[Axis, Callable[[Wall, float], float]]]:
+    """Return changes of the springs of walls by branch and node, of each axis; those of other parameters are left."""
+    found: dict[tuple[str, Vector], dict[Axis, Callable[[Wall, float], float]]] = {}
+    for knob, own in change.items():
+        if knob.kind == "wall":
+            found.setdefault((knob.target, knob.at), {})[knob.axis] = own
+    return found
+
+
+def _rigid_wall(knob: ModelParameter, wall: Wall, factor: float) -> float:
+    """Return the factor of a wall's spring, 1 if it is as good as rigid."""
+    return 1.0 if is_negligible(knob, wall.flexibility(factor)) else factor
 
 
 def without_edges(structure: Structure) -> Structure:
@@ -138,7 +158,9 @@ def rounded(structure: Structure, knobs: Sequence[ModelParameter], std: Mapping[
         elif knob.kind in JOINT_ZONES:
             zones = joint_segments(structure, knob, 1.0)
             welds |= {(zone.member, zone.at, zone.extent): std[knob.key] for zone in zones}
-    segments = [_rounded_weld(s, welds.get((s.member, s.at, s.extent))) for s in structure.segment]
+    walls = {knob: partial(_rounded_wall, std[knob.key], knob, structure) for knob in knobs if knob.key in std}
+    with_walls = with_wall_factors(structure, _by_wall(walls))
+    segments = [_rounded_weld(s, welds.get((s.member, s.at, s.extent))) for s in with_walls]
     parts = {"material": material, "support": tuple(supports), "joint": tuple(joints), "segment": tuple(segments)}
     return structure.model_copy(update=parts | {"external": external})
 
@@ -170,6 +192,14 @@ def _rounded_weld(segment: Segment, std: float | None) -> Segment:
     if std is None:
         return segment
     return segment.model_copy(update={"stiffness": rounded_value(segment.stiffness, std)})
+
+
+def _rounded_wall(std: float, knob: ModelParameter, structure: Structure, wall: Wall, factor: float) -> float:
+    """Return the factor of a wall's spring, rounded by the standard deviation of the spring's stiffness."""
+    if factor == 1.0:
+        return factor
+    relative = std / physical_value(structure, knob, wall.flexibility(factor))
+    return rounded_value(factor, factor * min(relative * (1 - factor), 1.0))
 
 
 def with_few_digits(structure: Structure, own: Structure) -> Structure:

@@ -162,6 +162,8 @@ class ModelParameters(Discrete):
 
     def _change(self, k: int, theta: float, std: float) -> ParameterChange:
         knob, value = self.knobs[k], float(self.file_value[k] + min(theta, self._upper[k]))
+        if knob.kind == "wall":  # rigid in the file: infinitely stiff
+            value = max(value, knob.lower)
         rigid = starts_rigid(knob)
         at_bound = theta >= self._upper[k] or (theta <= self.lower[0, k] and not rigid)
         return ParameterChange(
@@ -235,8 +237,6 @@ def _prior(knob: ModelParameter, wider: float, of_file: bool) -> float:
 
 def _file_value(model: Model, knob: ModelParameter) -> float:
     """Return the model's value of a parameter."""
-    if knob.kind == "wall":
-        return knob.lower
     if knob.kind not in {"support", "joint"}:
         return 0.0
     return flexibility_unit(model.structure, knob.axis, knob.at) / spring_of(model, knob)[1]
