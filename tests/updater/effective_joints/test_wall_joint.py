@@ -1,6 +1,7 @@
 """A file whose branch is rigid on a hollow chord, measured modes of solids whose wall bends there.
 
-Springs at the chord's face represent the wall: no crack and no mass is named, and a change that follows is found.
+Springs at the chord's face represent the wall. In most draws the file's parameters alone are named; some remain
+unexplained, or have a false loss of stiffness beside the joint. A change that follows is found.
 """
 
 import numpy as np
@@ -10,7 +11,15 @@ from monitor.analysis.explanation import explain
 from tests.support.portals.block_windows import change_is_found, measured_modes, prediction_errors
 from tests.support.portals.wall_specimens import draw_tubes
 from updater import Structure, build_model, dump_structure, parse_structure
-from updater.structure import ModelParameter, apply_parameters, model_parameters_of, physical_value, wall_of
+from updater.structure import (
+    ModelParameter,
+    apply_parameters,
+    model_parameters_of,
+    physical_value,
+    rounded,
+    simplified,
+    wall_of,
+)
 
 N_USED, N_UNUSED = 8, 4
 CHORD = 'shape = "box"\nwidth = 0.06\nheight = 0.06\nthickness = 0.003'
@@ -38,19 +47,23 @@ section = "chord"
 [[member]]
 name = "branch"
 from = [0, 0, 0.6]
-to = [0.5, 0, 0.6]
+to = {end}
 material = "m"
 section = "branch"
 [[support]]
 at = [0, 0, 0]
 fixed = ["x", "y", "z", "rx", "ry", "rz"]
 """
+JOINT = '[[joint]]\nmember = "{}"\nat = [0, 0, 0.6]\nstiffness = {{ ry = 4e4 }}'
 TIP, ALONG, UP = (0.5, 0.0, 0.6), 0, 2
 
 
-def structure_of(chord: str = CHORD, *, width: float = 0.04, further: str = "") -> Structure:
-    """Return a branch of 0.5 m on a chord."""
-    return parse_structure(FILE.format(chord=chord, width=width) + further)
+def structure_of(
+    chord: str = CHORD, *, width: float = 0.04, way: tuple[float, float, float] = (0.5, 0.0, 0.0), further: str = ""
+) -> Structure:
+    """Return a branch on a chord, of 0.5 m along x unless it goes another way [m]."""
+    end = np.add((0.0, 0.0, 0.6), way).tolist()
+    return parse_structure(FILE.format(chord=chord, width=width, end=end) + further)
 
 
 def wall_parameters(structure: Structure) -> dict[str, ModelParameter]:
@@ -67,14 +80,58 @@ def test_wall_of_a_hollow_chord_has_springs_at_its_face() -> None:
     assert wall.start == pytest.approx(0.03)  # half the depth of the chord
 
 
+@pytest.mark.parametrize("angle", [0.0, 30.0, 45.0])
+def test_face_of_a_round_chord_is_at_its_radius(angle: float) -> None:
+    way = 0.5 * np.cos(np.radians(angle)), 0.5 * np.sin(np.radians(angle)), 0.0
+    structure = structure_of('shape = "tube"\ndiameter = 0.06\nthickness = 0.003', width=0.03, way=way)
+    wall = wall_of(structure, structure.member_named("branch"), (0.0, 0.0, 0.6))
+    assert wall is not None
+    assert wall.start == pytest.approx(0.03)
+
+
+def test_bounds_of_a_wall_hold_its_expected_value() -> None:
+    """Least stiffnesses of twice the expected one; the greatest does not count, since the file has the wall rigid."""
+    expected = wall_parameters(structure_of())["branch.wall_ry"]
+    least = 2 * physical_value(structure_of(), expected, expected.mean)
+    bounded = structure_of(further=f'[updating.bounds]\n"branch.wall_ry" = [{least}, {10 * least}]')
+    found = wall_parameters(bounded)["branch.wall_ry"]
+    assert [found.mean, found.upper] == pytest.approx([expected.mean / 2] * 2)
+    assert found.lower == expected.lower
+
+
+def test_springs_of_a_wall_that_is_as_good_as_rigid_are_not_written() -> None:
+    structure = structure_of()
+    knobs = list(wall_parameters(structure).values())
+    least = np.array([knob.lower for knob in knobs])
+    assert not simplified(apply_parameters(structure, knobs, least), knobs).segment
+    soft_about_y = least.copy()
+    soft_about_y[0] = knobs[0].mean
+    (kept,) = simplified(apply_parameters(structure, knobs, soft_about_y), knobs).segment
+    assert kept.bending[0] < 0.1
+    assert (kept.bending[1], kept.axial) == (1.0, 1.0)
+
+
+def test_written_spring_has_two_digits_of_its_deviation() -> None:
+    structure = structure_of()
+    knob = wall_parameters(structure)["branch.wall_ry"]
+    extended = apply_parameters(structure, [knob], np.array([knob.mean]))
+    stiffness = physical_value(structure, knob, knob.mean)
+    (exact,), (short,) = (s.segment for s in (extended, rounded(extended, [knob], {knob.key: 0.2 * stiffness})))
+    assert abs(short.bending[0] - exact.bending[0]) < 0.05 * 0.2 * exact.bending[0]
+    assert len(f"{short.bending[0]:g}".lstrip("0.")) <= 3
+
+
 @pytest.mark.parametrize(
     "structure",
     [
         structure_of('shape = "rectangle"\nwidth = 0.06\nheight = 0.06'),
         structure_of(width=0.06),  # on the sides of the chord
-        structure_of(further='[[joint]]\nmember = "branch"\nat = [0, 0, 0.6]\nstiffness = { ry = 4e4 }'),
+        structure_of(further=JOINT.format("branch")),
+        structure_of(further=JOINT.format("chord")),
+        structure_of(way=(0.36, 0.36, 0.0)),
+        structure_of(way=(0.0, 0.0, 0.3)),  # a sleeve
     ],
-    ids=["solid chord", "wide branch", "joint of the file"],
+    ids=["solid chord", "wide branch", "joint of the branch", "joint of the chord", "corner", "sleeve"],
 )
 def test_other_joints_have_no_springs_of_walls(structure: Structure) -> None:
     assert not wall_parameters(structure)
@@ -106,29 +163,35 @@ def tip_flexibility(structure: Structure, way: int) -> float:
 
 
 @pytest.mark.thorough
+@pytest.mark.timeout(1200)
 def test_wall_that_bends_is_a_joint_and_no_defect() -> None:
-    """At most four of ten draws may be left unexplained or named otherwise."""
-    assert sum(_wall_is_found(seed) for seed in range(1, 11)) >= 6
+    """Of ten draws, the first ten, six were explained by the file's parameters alone and two had a false cause.
+
+    At least five, and at most three: one draw more than was measured, as by another version of a library.
+    """
+    found = [_explained(seed) for seed in range(1, 11)]
+    assert sum(named == {"model_parameters"} and better for named, better in found) >= 5
+    assert sum(bool(named - {"model_parameters"}) for named, _ in found) <= 3
 
 
-def _wall_is_found(seed: int) -> bool:
-    """Return whether the file's parameters alone are named, and modes not measured are predicted better."""
+def _explained(seed: int) -> tuple[set[str], bool]:
+    """Return the named causes, and whether modes not measured are predicted better by the written file."""
     specimen, random = draw_tubes(seed), np.random.default_rng((seed, 77))
     frequency, shape = specimen.modes(N_USED + N_UNUSED)
     now, heldout = (measured_modes(specimen, frequency[:N_USED], shape[:N_USED], random) for _ in range(2))
     found = explain(specimen.file, None, now, heldout)
     named = {cause.cause for cause in found.diagnosis.causes}
     print(f"seed {seed}", specimen.facts, found.diagnosis.verdict, sorted(named))
-    if named != {"model_parameters"} or found.explained.extended is None:
-        return False
+    if found.explained.extended is None:
+        return named, False
     written = parse_structure(dump_structure(found.explained.extended))
     before, after = (prediction_errors(one, frequency, shape)[N_USED:] for one in (specimen.file, written))
     print("modes not measured, %:", before.round(2), after.round(2))
-    return bool(np.mean(after**2) < np.mean(before**2))
+    return named, bool(np.mean(after**2) < np.mean(before**2))
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(("effect", "seeds"), [("body", (1, 3, 5)), ("foot", (2, 4))])
 def test_change_of_a_frame_with_a_wall_joint_is_found(effect: str, seeds: tuple[int, ...]) -> None:
-    """Against reference logs, to which the springs of the wall are calibrated."""
+    """Against reference logs, to which the springs of the wall are calibrated. These are all draws that were run."""
     assert all(change_is_found(draw_tubes(seed), seed, effect, N_USED) for seed in seeds)
