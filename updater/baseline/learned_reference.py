@@ -51,7 +51,9 @@ from updater.structure import (
     Body,
     ModelParameter,
     Structure,
+    Updating,
     apply_parameters,
+    model_parameters_of,
     nominal_parameters,
     with_springs,
 )
@@ -151,10 +153,15 @@ def with_springs_at(reference: Reference, springs: Mapping[str, float], *, shape
     found = _relearned(reference, written.model_copy(update={"updating": held}), shaped=shaped)
     if found is None:
         return None
+    return replace(found, calibration=_with_updating(found.calibration, own))
+
+
+def _with_updating(calibration: Calibration, own: Updating) -> Calibration:
+    """Return the same with other choices of what may be updated."""
     structure, nominal = (
-        one.model_copy(update={"updating": own}) for one in (found.calibration.structure, found.calibration.nominal)
+        one.model_copy(update={"updating": own}) for one in (calibration.structure, calibration.nominal)
     )
-    return replace(found, calibration=replace(found.calibration, structure=structure, nominal=nominal))
+    return replace(calibration, structure=structure, nominal=nominal)
 
 
 def _relearned(reference: Reference, loaded: Structure, *, shaped: bool) -> Reference | None:
@@ -174,7 +181,18 @@ def _relearned(reference: Reference, loaded: Structure, *, shaped: bool) -> Refe
 
 
 def _with_shapes(structure: Structure, calibration: Calibration, measured: Measured) -> Calibration:
-    """Return a calibration carried on with shapes; the same where too few modes can be paired then."""
+    """Return a calibration carried on with shapes; the same where too few modes can be paired then.
+
+    Walls that it has rigid stay so.
+    """
+    own, fitted = structure.updating, {knob.key for knob in calibration.knobs}
+    walls = (k.key for k in model_parameters_of(structure) if k.kind == "wall" and k.key not in fitted)
+    held = own.model_copy(update={"fixed": (*own.fixed, *walls)})
+    return _with_updating(_carried_on(structure.model_copy(update={"updating": held}), calibration, measured), own)
+
+
+def _carried_on(structure: Structure, calibration: Calibration, measured: Measured) -> Calibration:
+    """Return a calibration carried on with shapes and the structure's parameters, or the same."""
     try:
         there = model_reference(best_model(with_springs(structure)), structure, measured)
     except (PairingError, ModalDataError):

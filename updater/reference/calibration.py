@@ -183,6 +183,7 @@ class Calibration:
         elif knob.kind == "weld":
             after, before, std = 1 / (1 - value), 1.0, parameter_std / (1 - value) ** 2
         elif knob.kind == "wall":
+            value = max(value, knob.lower)  # 0 where a fit with shapes has the wall rigid
             after = physical_value(self.structure, knob, value)
             std = after * parameter_std / value
         else:

@@ -37,7 +37,7 @@ fixed = {fixed}
 
 
 def draw_frame(random: np.random.Generator, feet_are: str) -> tuple[Structure, Structure, Structure]:
-    """Draw two posts with a rail, with feet that are usual or far off: the truth, its file, and the file that holds the walls rigid."""
+    """Draw two posts with a rail on usual or far softer feet: the truth, its file, and the file with fixed walls."""
     height, width = random.uniform(1.0, 1.5), random.uniform(0.6, 1.0)
     up = height * random.uniform(0.5, 0.8)
     foot = 6e4 / random.uniform(0.01, 0.03, 2) if feet_are == "usual" else random.uniform(1e5, 4e5, 2)
