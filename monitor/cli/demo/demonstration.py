@@ -67,6 +67,8 @@ class Display:
 
     def __exit__(self, *_: object) -> None:
         self._live.stop()
+        if not self._console.is_terminal:
+            self._console.line()  # on a terminal it ends its last line itself
 
     def show(self, result: Result) -> None:
         """Take one result; ends the watch after the last planned window."""
