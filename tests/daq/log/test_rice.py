@@ -1,5 +1,6 @@
 """Packed counts: exact, near the smallest possible size, and no damaged byte makes them fail in an undocumented way."""
 
+import math
 from collections.abc import Callable
 
 import hypothesis.strategies as st
@@ -33,7 +34,7 @@ def test_packed_counts_round_trip_for_any_magnitude(counts: IntArray, shift: int
 def test_packed_size_of_white_noise_is_near_its_entropy(deviation: float) -> None:
     """On normal noise a Rice code takes 0.04 to 0.16 bits more than entropy, by the place between powers of 2."""
     counts = np.rint(np.random.default_rng(1).normal(1e6, deviation, (200, 60))).astype(np.int32)
-    entropy = np.log2(deviation * np.sqrt(2 * np.pi * np.e))
+    entropy = np.log2(deviation * np.sqrt(2 * np.pi * math.e))
     assert size(pack(counts)) / counts.size < entropy + 0.16 + 0.03  # 12 000 samples: 0.01 rms
 
 
@@ -42,7 +43,7 @@ def test_packed_size_of_smooth_signal_is_set_by_its_noise() -> None:
     noise = np.random.default_rng(2).normal(0, 8, (200, 30))
     smooth = 2e5 * np.sin(2 * np.pi * 4 * t)[:, None] + noise
     entropy = np.log2(
-        8 * np.sqrt(20) * np.sqrt(2 * np.pi * np.e)
+        8 * np.sqrt(20) * np.sqrt(2 * np.pi * math.e)
     )  # third differences of white noise: 20 times its power
     assert size(pack(np.rint(smooth).astype(np.int32))) / smooth.size < entropy + 0.12 + 0.05
 
