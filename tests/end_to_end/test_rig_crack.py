@@ -12,6 +12,7 @@ from monitor.analysis.observation import observe
 from monitor.rig import RigDevice, World, load_scenario, shipped_scenarios
 from monitor.rig.world import OVERSAMPLING
 from monitor.text.causes import breathing_text
+from tests.support.updater.frames import COLUMN_CRACK
 from updater import Structure, dump_structure, parse_structure, t_structure_toml
 from updater.quantities import Opening
 
@@ -53,21 +54,12 @@ def test_crack_of_the_virtual_rig_opens_and_closes() -> None:
     assert (crack.member, crack.axis, crack.opens) == ("column", "y", "above")
 
 
-CRACKED = """
+SEGMENT = """
 [[segment]]
 member = "column"
 at = [0.0, 0.0, 0.3]
 extent = 0.02
 bending = [0.563, 1.0]
-
-[[breathing_crack]]
-member = "column"
-at = [0.0, 0.0, 0.3]
-axis = "y"
-flexibility = 0.05
-mean = 0.0155
-moment = -0.0016
-opens = "below"
 """
 
 
@@ -76,7 +68,7 @@ def test_crack_of_a_structure_file_is_played_and_found() -> None:
     """The rig plays the file's crack; the moment is half a standard deviation, on the negative side."""
     scenario, structure = load_scenario(shipped_scenarios()["quiet"]), parse_structure(t_structure_toml())
     observed = []
-    for seed, played in ((3, structure), (4, parse_structure(t_structure_toml() + CRACKED))):
+    for seed, played in ((3, structure), (4, parse_structure(t_structure_toml() + SEGMENT + COLUMN_CRACK))):
         print(f"seed {seed}")
         world = World(played, scenario.model_copy(update={"seed": seed}))
         world.sample(START)

@@ -357,6 +357,7 @@ def _with_walls(data: _Data, knobs: list[ModelParameter], file: _Pairs, rigid: _
     rigid : fit without springs of walls; None if too few modes are paired with those of the file
     """
     walls = [knob for knob in knobs if knob.kind == "wall"]
+    held = [knob for knob in knobs if knob.kind != "wall"]
     expected = best_model(apply_parameters(data.structure, walls, np.array([knob.mean for knob in walls])))
     softer = _pairs_with(expected, data.measured, len(file.frequency))
     start = softer if softer.n > file.n else file
@@ -364,11 +365,12 @@ def _with_walls(data: _Data, knobs: list[ModelParameter], file: _Pairs, rigid: _
         return rigid
     answers = data.pairs(knobs, start)
     if rigid is not None and (answers >= 0).sum() <= (rigid.answers >= 0).sum():
-        answers = rigid.answers
+        answers, first = rigid.answers, rigid
+    else:
+        first = data.fitted(held, answers)
     free = data.fitted(knobs, answers)
-    others = np.array([knob.kind != "wall" for knob in knobs])
-    held = [knob for knob in knobs if knob.kind != "wall"]
-    nearby = data.fitted(held, answers), data.fitted(held, answers, free.fit.value[others])
+    of_held = [knob.kind != "wall" for knob in knobs]
+    nearby = first, data.fitted(held, answers, free.fit.value[of_held])
     gain = free.fit.log_evidence - max(one.fit.log_evidence for one in nearby)
     near = free.fit.chi_square < _FAR_OFF * (answers >= 0).sum()
     return free if near and gain > _LOG_VERY_STRONG else rigid

@@ -12,6 +12,18 @@ from updater import Body, Model, Structure, build_model, parse_structure, t_stru
 from updater.fe import Modes
 from updater.structure import Joint, Support
 
+#: crack of the T-frame that opens under half a standard deviation of the moment, on the negative side
+COLUMN_CRACK = """
+[[breathing_crack]]
+member = "column"
+at = [0.0, 0.0, 0.3]
+axis = "y"
+flexibility = 0.05
+mean = 0.0155
+moment = -0.0016
+opens = "below"
+"""
+
 #: line of 1 m without mass, 1e5 N/m along
 LINE = """
 name = "rod"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from tests.support.updater.frames import t_frame
+from tests.support.updater.frames import COLUMN_CRACK, t_frame
 from updater import (
     Body,
     ModelError,
@@ -293,20 +293,8 @@ def test_invalid_sensor_corrections_are_refused_with_the_reason(entry: str, what
         parse_structure(t_structure_toml() + "\n" + entry)
 
 
-CRACK = """
-[[breathing_crack]]
-member = "column"
-at = [0.0, 0.0, 0.3]
-axis = "y"
-flexibility = 0.05
-mean = 0.0155
-moment = -0.0016
-opens = "below"
-"""
-
-
 def test_crack_is_read_and_written() -> None:
-    structure = parse_structure(t_structure_toml() + CRACK)
+    structure = parse_structure(t_structure_toml() + COLUMN_CRACK)
     assert parse_structure(dump_structure(structure)) == structure
     added = dump_structure(structure, t_structure_toml(), note="found")
     assert added.startswith(t_structure_toml().rstrip())
@@ -327,5 +315,5 @@ def test_crack_is_read_and_written() -> None:
 )
 def test_invalid_crack_is_named(old: str, new: str, entry: str) -> None:
     with pytest.raises(StructureError) as caught:
-        parse_structure(t_structure_toml() + CRACK.replace(old, new))
+        parse_structure(t_structure_toml() + COLUMN_CRACK.replace(old, new))
     assert entry in str(caught.value)
