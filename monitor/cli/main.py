@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from monitor.cli.commands import CommandGroup
-from monitor.cli.options import DONE, INTERRUPTED, WRONG_INPUT, explain
+from monitor.cli.options import DONE, INTERRUPTED, WRONG_INPUT, echo_error, explain
 
 if TYPE_CHECKING:
     from typer._click.exceptions import UsageError
@@ -87,6 +87,6 @@ def _show(error: UsageError) -> None:
     if type(error).show is not UsageError.show:  # the help itself, of a group without a command
         error.show()
         return
-    typer.echo(f"error: {error.format_message()}", err=True)
+    echo_error(f"error: {error.format_message()}")
     if error.ctx:
         typer.echo(f"see {error.ctx.command_path} --help", err=True)

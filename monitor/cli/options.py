@@ -1,6 +1,9 @@
 """Arguments and options that several commands have, and exit codes."""
 
+import os
+import sys
 from pathlib import Path
+from textwrap import fill
 from typing import Annotated
 
 import typer
@@ -78,6 +81,15 @@ KINDS = ("cantilever", "beam", "portal", "storeys", "t-frame")
 MATERIALS = ("steel", "aluminium", "concrete", "timber")
 
 
+def echo_error(text: str) -> None:
+    """Print an error: in one line, but divided between words where a terminal would divide it inside of them."""
+    if sys.stderr.isatty():
+        width = os.get_terminal_size(sys.stderr.fileno()).columns or 80  # 0: a terminal that has not been given a size
+        lines = (fill(line, width, break_long_words=False, break_on_hyphens=False) for line in text.splitlines())
+        text = "\n".join(lines)
+    typer.echo(text, err=True)
+
+
 def explain(error: Exception, *, debug: bool) -> int:
     """Print an error in one line and return the exit code; unforeseen errors are raised again for debugging."""
     from daq import DaqError
@@ -87,9 +99,9 @@ def explain(error: Exception, *, debug: bool) -> int:
     from updater import UpdaterError
 
     if isinstance(error, DaqError | OmaError | MonitorError | UpdaterError):
-        typer.echo(f"error: {error}", err=True)
+        echo_error(f"error: {error}")
         return COULD_NOT_START if isinstance(error, StartError) else WRONG_INPUT
-    typer.echo(f"internal error: {one_line(f'{type(error).__name__}: {error}')}", err=True)
+    echo_error(f"internal error: {one_line(f'{type(error).__name__}: {error}')}")
     if debug:
         raise error
     return INTERNAL

@@ -416,9 +416,18 @@ def _range_text(frequencies: Sequence[float]) -> str:
 
 
 def failed_text(failed: Failed) -> str:
-    """Return the parts left out of an answer by an internal fault."""
-    part = " and ".join(map(plain, failed.part.split(" and ")))
-    return f"internal error, {part} was not considered: {failed.error}"
+    """Return a part left out of an answer by an internal fault, and the fault."""
+    return f"internal error, {_part_text(failed)} was not considered: {failed.error}"
+
+
+def _part_text(failed: Failed) -> str:
+    return " and ".join(map(plain, failed.part.split(" and ")))
+
+
+def not_considered_text(diagnosis: Diagnosis) -> str:
+    """Return the parts left out of an answer by internal faults, in brackets after a blank; empty if there are none."""
+    parts = ", ".join(map(_part_text, diagnosis.failed))
+    return f" (not considered because of internal errors: {parts})" if parts else ""
 
 
 def mass_text(answer: MassAnswer) -> str:
@@ -460,7 +469,8 @@ def change_text(diagnosis: Diagnosis) -> str:
         return "too small for a cause to be named"
     if not diagnosis.causes:
         poor_model = diagnosis.calibration is not None and not diagnosis.calibration.fits_reference
-        return "the model does not fit the reference logs" if poor_model else "no known cause explains it"
+        nothing = "the model does not fit the reference logs" if poor_model else "no known cause explains it"
+        return f"{nothing}{not_considered_text(diagnosis)}"
     return "; ".join(map(brief_text, listed_causes(diagnosis.causes)))
 
 

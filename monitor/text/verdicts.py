@@ -3,7 +3,7 @@
 from monitor.results.run_results import RunResults
 from monitor.results.windows import AcceptedShift, WindowResult
 from monitor.text.cause_list import listed_causes
-from monitor.text.causes import brief_text, change_text, further_changes, mass_text
+from monitor.text.causes import brief_text, change_text, further_changes, mass_text, not_considered_text
 from monitor.text.detection import standing_trend, unsure_now
 from monitor.text.modal_change import modal_change_headline
 from monitor.text.quantities import utc
@@ -43,6 +43,8 @@ def _verdict(diagnosis: Diagnosis) -> str:
             f"{model.frequency_error_percent.after or 0.0:.2g} % rms, those of a good model by 0.2 %. Its changes are "
             "not those of the structure."
         )
+    if diagnosis.verdict == "unexplained" and diagnosis.failed:
+        return f"{VERDICTS['unexplained'].removesuffix('.')}{not_considered_text(diagnosis)}."
     return _FITTED if has_only_fitted_parameters(diagnosis) else VERDICTS[diagnosis.verdict]
 
 

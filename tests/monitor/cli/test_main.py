@@ -1,12 +1,16 @@
 """Commands as a user types them: exit codes and one-line errors."""
 
+import os
+import pty
 import subprocess
 import sys
+import termios
 import tomllib
 from pathlib import Path
 
 import pytest
 
+from monitor.cli.options import echo_error
 from tests.support.monitor.cli import Commands, assert_refused
 
 MODALWATCH = [sys.executable, "-c", "from monitor.cli.main import main; main()"]
@@ -44,6 +48,23 @@ def test_bad_input_exits_2_and_error_names_the_file(
     (tmp_path / "log.mcap").write_bytes(b"not a log")
     (tmp_path / "site.toml").write_text("structure = 1\n", encoding="utf-8")
     assert_refused(modalwatch(command, tmp_path / name), f"error: {tmp_path / name}: ")
+
+
+def test_error_is_divided_between_words_in_a_terminal_only(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = "error: logs/tower-2.mcap: expected a log, found a table of accelerations, see modalwatch import --help"
+    echo_error(text)
+    assert capsys.readouterr().err == f"{text}\n"
+    master, slave = pty.openpty()
+    termios.tcsetwinsize(slave, (24, 40))
+    with os.fdopen(master, "rb") as screen, os.fdopen(slave, "w") as terminal:
+        monkeypatch.setattr(sys, "stderr", terminal)
+        echo_error(text)
+        lines = screen.read1(1000).decode().splitlines()
+    assert len(lines) > 1
+    assert max(map(len, lines)) <= 40
+    assert " ".join(lines) == text
 
 
 def test_run_exits_3_if_a_device_does_not_respond(tmp_path: Path, modalwatch: Commands) -> None:
