@@ -4,7 +4,7 @@ import os
 import sys
 from pathlib import Path
 from textwrap import fill
-from typing import Annotated
+from typing import Annotated, TextIO
 
 import typer
 from typer import Argument, Option
@@ -81,13 +81,17 @@ KINDS = ("cantilever", "beam", "portal", "storeys", "t-frame")
 MATERIALS = ("steel", "aluminium", "concrete", "timber")
 
 
+def divided(text: str, stream: TextIO) -> str:
+    """Return a text for a stream; long lines are divided between words, where a terminal would divide them anywhere."""
+    if not stream.isatty():
+        return text
+    width = os.get_terminal_size(stream.fileno()).columns or 80  # 0: a terminal that has not been given a size
+    return "\n".join(fill(line, width, break_long_words=False, break_on_hyphens=False) for line in text.split("\n"))
+
+
 def echo_error(text: str) -> None:
-    """Print an error: in one line, but divided between words where a terminal would divide it inside of them."""
-    if sys.stderr.isatty():
-        width = os.get_terminal_size(sys.stderr.fileno()).columns or 80  # 0: a terminal that has not been given a size
-        lines = (fill(line, width, break_long_words=False, break_on_hyphens=False) for line in text.splitlines())
-        text = "\n".join(lines)
-    typer.echo(text, err=True)
+    """Print an error, in one line where that is no terminal."""
+    typer.echo(divided(text, sys.stderr), err=True)
 
 
 def explain(error: Exception, *, debug: bool) -> int:

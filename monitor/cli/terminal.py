@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import typer
 from rich.box import SIMPLE_HEAD
-from rich.console import Console, ConsoleDimensions
+from rich.console import Console, ConsoleDimensions, ConsoleOptions, RenderResult
 from rich.file_proxy import FileProxy
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
@@ -19,6 +19,7 @@ from rich.text import Text
 from daq import AnyLog, LogError, LogExcerpt
 from daq.bounded_text import printable
 from daq.log import files_of, log_span, progress_reported_to
+from monitor.cli.options import divided
 from monitor.errors import StartError
 
 _FILE_COLUMNS = 1000  # of lines that no terminal shows
@@ -56,10 +57,14 @@ def keep_stdout_free() -> None:
 
 
 def echo(text: str, *, nl: bool = True, err: bool = False) -> None:
-    """Print a text without markup, its control characters as escapes; above a progress bar that is shown."""
+    """Print a text without markup, its control characters as escapes; above a progress bar that is shown.
+
+    A terminal shows lines that are divided between words.
+    """
+    text = divided(printable(text), sys.stderr if err or console.stderr else sys.stdout)
     stdout, is_bar_shown = sys.stdout, isinstance(sys.stdout, FileProxy)  # behind it is the stream that typer prints to
     other = err or console.stderr
-    typer.echo(printable(text), file=stdout if is_bar_shown and not other else None, nl=nl, err=other)
+    typer.echo(text, file=stdout if is_bar_shown and not other else None, nl=nl, err=other)
 
 
 def warn(text: str) -> None:
@@ -167,19 +172,34 @@ def _span(log: AnyLog) -> tuple[int, int] | None:
     return (max(span[0], log.start), min(span[1], log.stop)) if span and isinstance(log, LogExcerpt) else span
 
 
+class TitledTable(Table):
+    """Table with a title that begins at the left and may be wider than the columns."""
+
+    def __init__(self, *columns: str, title: str, **options: Any) -> None:  # noqa: ANN401 - as rich has them
+        super().__init__(*columns, **options)
+        self._title = title
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Render the title, then the table."""
+        if self._title:
+            yield console.render_str(self._title, style="table.title")
+        yield from super().__rich_console__(console, options)
+
+
 def new_table(
     left: Iterable[str] = (),
     right: Iterable[str] = (),
     *,
     no_wrap: bool = False,
     overflow: Literal["fold", "ellipsis"] = "ellipsis",
+    title: str = "",
     **options: Any,  # noqa: ANN401 - as rich has them
 ) -> Table:
     """Return a table without rows: columns of texts, then columns of numbers, with options of `rich.table.Table`.
 
     Headings are plain text: a unit in brackets is no markup.
     """
-    table = Table(box=SIMPLE_HEAD, **options)
+    table = TitledTable(title=title, box=SIMPLE_HEAD, **options)
     for name in left:
         table.add_column(escape(name), no_wrap=no_wrap, overflow=overflow)
     for name in right:

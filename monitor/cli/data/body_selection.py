@@ -17,7 +17,7 @@ from monitor.text.quantities import share_text
 from updater.quantities import Quantity
 
 _MAX_LISTED = 5  # sets of bodies
-_STYLE: dict[str, Any] = {"title_justify": "left", "pad_edge": False}  # of the tables
+_STYLE: dict[str, Any] = {"pad_edge": False}  # of the tables
 
 
 def identify_bodies(path: Path, json_path: Path | None) -> int:

@@ -127,7 +127,7 @@ def _say_alarms(alarms: list[AlarmRow]) -> None:
 def _trends(trends: dict[int, list[TrendPoint]]) -> Table:
     title = "modes: frequencies in Hz, last damping and shift in %"
     names = ("mode", "windows", "first", "last", "lowest", "highest", "damping", "shift")
-    table = new_table(right=names, no_wrap=True, title=title, title_justify="left")
+    table = new_table(right=names, no_wrap=True, title=title)
     for mode, points in trends.items():
         if not points:
             continue
@@ -142,7 +142,7 @@ def _trends(trends: dict[int, list[TrendPoint]]) -> Table:
 
 
 def _events(events: list[EventRow]) -> Table:
-    table = new_table(("time",), no_wrap=True, title="events", title_justify="left")
+    table = new_table(("time",), no_wrap=True, title="events")
     table.add_column("event")
     for event in events[-_MAX:]:
         table.add_row(utc(event.time), escape(event_sentence(event.topic, json.loads(event.json))))

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
@@ -41,7 +40,7 @@ def _largest(one: ParameterSensitivity) -> str:
 
 def changes_table(changes: Sequence[ParameterChange], title: str) -> Table:
     """Return one row per model parameter: name, value in the file, fitted value, change."""
-    table = Table(box=SIMPLE_HEAD, title=title, title_justify="left", pad_edge=False)
+    table = new_table(title=title, pad_edge=False)
     table.add_column("parameter", no_wrap=True)
     table.add_column("quantity")
     for name in ("file", "fitted"):
