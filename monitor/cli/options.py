@@ -86,7 +86,12 @@ def divided(text: str, stream: TextIO) -> str:
     if not stream.isatty():
         return text
     width = os.get_terminal_size(stream.fileno()).columns or 80  # 0: a terminal that has not been given a size
-    return "\n".join(fill(line, width, break_long_words=False, break_on_hyphens=False) for line in text.split("\n"))
+    return "\n".join(_divided_line(line, width) for line in text.split("\n"))
+
+
+def _divided_line(line: str, width: int) -> str:
+    indent = line[: len(line) - len(line.lstrip())]
+    return fill(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
 
 
 def echo_error(text: str) -> None:

@@ -10,8 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.markup import escape
-
 from monitor.archive import (
     AnalysedLog,
     ArchiveLog,
@@ -24,7 +22,7 @@ from monitor.archive import (
     texts_of,
 )
 from monitor.cli.options import DONE, NEEDS_A_PERSON
-from monitor.cli.terminal import console, progress
+from monitor.cli.terminal import echo, progress
 from monitor.errors import ArgumentError
 from monitor.service.site import load_site
 from monitor.text.quantities import counted
@@ -52,7 +50,7 @@ def reanalyse_archive(
     with ThreadPoolExecutor(_READERS) as pool:
         planned = list(zip(logs, pool.map(partial(texts_of, site=texts), logs), strict=True))
     n_pieces = sum(len(log.pieces) for log in logs)
-    unit = "logs" if n_pieces == len(logs) else "pieces of logs"
+    what = "log" if n_pieces == len(logs) else "piece"
     if dry_run:
         _print_plan(planned, out)
         return DONE
@@ -65,16 +63,16 @@ def reanalyse_archive(
 
         def finished(about: AnalysedLog) -> None:
             analysed.append(about)
-            work.note(f"{len(analysed)} of {n_pieces} {unit}")
+            work.note(f"{len(analysed)} of {counted(n_pieces, what)}")
             work.advance(sum(one.log.size for one in analysed), sum(log.size for log in logs))
             states[about.site] = about.alarms[-1].state if about.alarms else states.get(about.site, "normal")
             _say(about)
 
         reanalyse(client, planned, out, finished, math.inf if limit is None else limit)
     n_windows, n_problems = sum(one.n_windows for one in analysed), sum(one.problem is not None for one in analysed)
-    console.print(f"{n_pieces} {unit}, {n_windows} windows; {unit} with a problem: {n_problems}")
-    console.print(f"results: {out} (Parquet: windows, modes, alarms, logs)", soft_wrap=True)
-    console.print(f"per site: {out}/sites/NAME/results.mcap (for `report` and `view`), history.sqlite", soft_wrap=True)
+    echo(f"{counted(n_pieces, what)}, {counted(n_windows, 'window')}; {what}s with a problem: {n_problems}")
+    echo(f"results: {out} (Parquet: windows, modes, alarms, logs)")
+    echo(f"per site: {out}/sites/NAME/results.mcap (for `report` and `view`), history.sqlite")
     return NEEDS_A_PERSON if n_problems or "alarm" in states.values() else DONE
 
 
@@ -122,8 +120,8 @@ def _print_plan(planned: Sequence[tuple[ArchiveLog, LogTexts | str]], out: Path)
         else:
             missing = [each for each in log.pieces if not read_steps(out / "steps" / steps_key(each, texts))]
             state, new = _state(len(missing), len(log.pieces)), new + sum(each.size for each in missing)
-        console.print(f"{escape(log.name)}: {escape(state)}", soft_wrap=True)
-    console.print(f"{counted(len(planned), 'log')}, {new / 1e6:.1f} MB to be read; nothing is written")
+        echo(f"{log.name}: {state}")
+    echo(f"{counted(len(planned), 'log')}, {new / 1e6:.1f} MB to be read; nothing is written")
 
 
 def _state(n_missing: int, n_pieces: int) -> str:
@@ -137,12 +135,12 @@ def _say(about: AnalysedLog) -> None:
     if problem and not about.n_windows:
         text = f"{about.log.name}: {problem}"
     else:
-        text = f"{about.site}: {about.log.name}: {about.n_windows} windows"
+        text = f"{about.site}: {about.log.name}: {counted(about.n_windows, 'window')}"
         text += (", identified by an earlier run" if about.kept else "") + (f"; {problem}" if problem else "")
-    console.print(escape(text), soft_wrap=True)
+    echo(text)
     for alarm in about.alarms:
         if alarm.state == "alarm" and not alarm.quiet:
-            console.print(f"    {escape(alarm.text)}", soft_wrap=True)
+            echo(f"    {alarm.text}")
 
 
 def _without_name(problem: str, log: ArchiveLog | LogPiece) -> str:
