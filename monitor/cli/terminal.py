@@ -182,7 +182,7 @@ class TitledTable(Table):
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Render the title, then the table."""
         if self._title:
-            yield console.render_str(self._title, style="table.title")
+            yield Text(printable(self._title), style="table.title")
         yield from super().__rich_console__(console, options)
 
 
@@ -197,7 +197,7 @@ def new_table(
 ) -> Table:
     """Return a table without rows: columns of texts, then columns of numbers, with options of `rich.table.Table`.
 
-    Headings are plain text: a unit in brackets is no markup.
+    Title and headings are plain text: a unit in brackets is no markup.
     """
     table = TitledTable(title=title, box=SIMPLE_HEAD, **options)
     for name in left:

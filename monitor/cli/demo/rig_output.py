@@ -73,7 +73,7 @@ def play_rig(scenario: str, *, speed: float, ports: Path, report: Path, site: Pa
 
 
 def _devices(scenario: Scenario, found: dict[str, object]) -> Table:
-    title = f"virtual rig: {escape(scenario.structure)}, {scenario.rate:g} Hz"
+    title = f"virtual rig: {scenario.structure}, {scenario.rate:g} Hz"
     table = new_table(("device", "at [m]", "port"), overflow="fold", title=title)
     places = found["ports"]
     assert isinstance(places, dict)

@@ -64,7 +64,7 @@ def _mean(values: list[float]) -> float | None:
 
 def _say(log: AnyLog, info: LogInfo) -> None:
     names = ("Hz", "axes", "scans", "s", "gaps", "missing", "restarts", "°C")
-    table = new_table(("device",), names, no_wrap=True, pad_edge=False, title=escape(log.name))
+    table = new_table(("device",), names, no_wrap=True, pad_edge=False, title=log.name)
     for name, device in info.devices.items():
         temperature = _mean(device.temperatures)
         figures = [f"{device.rate:g}", str(device.n_axes), str(device.n_scans)]

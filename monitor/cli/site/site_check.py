@@ -90,7 +90,9 @@ def _say_plan(site: Site) -> None:
 
 
 def _table(site: Site, found: dict[str, Probe | str]) -> Table:
-    table = new_table(("device", "who"), ("Hz", "lost", "°C", "mean [m/s²]", "rms [m/s²]"), overflow="fold")
+    table = new_table(
+        ("device", "who"), ("Hz", "lost", "°C", "mean", "rms"), overflow="fold", title="mean and rms per axis [m/s²]"
+    )
     for device in site.settings.device:
         what = found[device.name]
         if isinstance(what, str):
@@ -99,7 +101,7 @@ def _table(site: Site, found: dict[str, Probe | str]) -> Table:
         who = " ".join(value for value in what.identity.payload().values() if isinstance(value, str))
         temperature = f"{what.temperature:.1f}" if np.isfinite(what.temperature) else "-"
         axes = [AXES.index(axis) for axis in device.channels]
-        mean, rms = (" ".join(f"{values[axis]:.3g}" for axis in axes) for values in (what.mean, what.rms))
+        mean, rms = ("\n".join(f"{values[axis]:.3g}" for axis in axes) for values in (what.mean, what.rms))
         table.add_row(escape(device.name), escape(who), f"{what.rate:.0f}", str(what.lost), temperature, mean, rms)
     return table
 

@@ -128,7 +128,7 @@ def say_modes(logs: Sequence[AnyLog], found: Findings, *, setups: bool) -> None:
     n, first = len(windows.estimates), windows.estimates[0]
     seconds = f"{(first.end - first.start) * 1e-9:.6g} s"
     what = f"{n} set-ups" if setups else f"{n} windows of {seconds}" if n > 1 else f"one window of {seconds}"
-    title = f"{escape(', '.join(log.name for log in logs))}: {what}"
+    title = f"{', '.join(log.name for log in logs)}: {what}"
     console.print(_table(title, found))
     for remark in _marks(found):
         console.print(remark)

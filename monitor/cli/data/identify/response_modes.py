@@ -121,7 +121,7 @@ def _say(path: Path, identified: IdentifiedFile, model: "ModelModes | None") -> 
     """Print the table and the notes."""
     found, estimate = identified.modes, identified.modes.estimate
     n_lines, n_channels, n_forces = found.response.shape
-    title = f"{escape(path.name)}: {counted(n_channels, 'channel')}, {counted(n_forces, 'force')}, {n_lines} lines"
+    title = f"{path.name}: {counted(n_channels, 'channel')}, {counted(n_forces, 'force')}, {n_lines} lines"
     console.print(_table(title, found, model))
     low, high = found.band
     console.print(f"band: {low:.4g} to {high:.4g} Hz; lines of {1 / found.record_seconds:.4g} Hz")

@@ -28,7 +28,7 @@ def modes_table(sight: ModeVisibility) -> Table:
     """Return the modes and their visibility by the sensors."""
     structure = sight.model.structure
     names = ("mode", "frequency\n[Hz]", "measured\nby sensors", "best sensor", "similar\nshapes")
-    table = new_table(right=names, no_wrap=True, title=escape(structure.name))
+    table = new_table(right=names, no_wrap=True, title=structure.name)
     for k, frequency in enumerate(sight.modes.frequency):
         best = structure.channels[int(np.argmax(np.abs(sight.at_sensors[k])))] if structure.channels else "-"
         alike = ", ".join(str(other + 1) for other in sight.alike(k)) or "none"
