@@ -66,7 +66,7 @@ class EmulatedNode(SerialEmulator):
     def encode(self, counts: IntArray, first: int) -> bytes:
         """Return the frames of scans (n, 3) from number `first` on; a hello before every second, if it does not listen.
 
-        The device's clock goes wrong as its sampling does: both are of one oscillator.
+        The clock and the sampling of the device have the same error: one oscillator drives both.
         """
         if not self._listens and first // self._rate != (first + len(counts)) // self._rate:
             self._introduce()

@@ -22,7 +22,7 @@ class SerialEmulator(Pty, ABC):
     ----------
     source : measured signal
     clock : simulated clock
-    frame_size : bytes a scan, at most
+    frame_size : bytes per scan, at most
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
     faults : of the line
     """

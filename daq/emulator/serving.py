@@ -116,7 +116,7 @@ def unplugging(ports: list[_Port]) -> Iterator[list[_Port]]:
 
 
 def serve_all(ports: Sequence[EmulatedPort], turn: int) -> None:
-    """Serve each port once, in an order that moves on with `turn`, so that none is always the latest."""
+    """Serve each port once, in an order that changes with `turn`: no port is always served last."""
     first = turn % len(ports)
     for port in (*ports[first:], *ports[:first]):
         port.serve()
@@ -164,7 +164,7 @@ What = Literal["lost", "repeated", "cut", "silent"]
 
 @dataclass(frozen=True, kw_only=True)
 class LineSpell:
-    """Fault of all frames for a while."""
+    """Fault of all frames during an interval."""
 
     what: What  #: the frame is lost; repeated; cut in half; or the device is silent and ignores commands
     at: float  #: time since the first sample of the device [s of data]
@@ -269,7 +269,7 @@ class FaultyLine:
         return line[~lost].tobytes()
 
     def hands_over(self) -> bool:
-        """Return whether the received bytes are due to be forwarded."""
+        """Return whether received bytes are to be forwarded now."""
         if time.monotonic() < self._next:
             return False
         self._next = time.monotonic() + self._faults.latency

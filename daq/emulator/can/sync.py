@@ -43,7 +43,7 @@ class SyncProducer:
 
 
 def synced_frames(n: int, parts: Sequence[CanFrames]) -> CanFrames:
-    """Return `n` SYNC frames and, after each, the nodes' answers as arbitration lets them through.
+    """Return `n` SYNC frames and, after each, the nodes' answers in the order of arbitration.
 
     The least identifier goes first: SYNC, TPDO1 of all nodes, TPDO2 of all nodes.
 
