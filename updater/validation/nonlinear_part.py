@@ -590,8 +590,22 @@ class ActionTest:
         return *products, (part, beyond)
 
 
+_REACH = 8.0  # standard deviations, beyond which the tails are rounding
+_STEPS = 1 << 13  # of the tables on each side of zero: linear between them, the mean errs by 5e-8 standard deviations
+_SCORE = np.linspace(-_REACH, _REACH, 2 * _STEPS + 1)
+_POSITIVE = scipy.special.ndtr(_SCORE)
+_EXCESS = _SCORE * _POSITIVE + np.exp(-0.5 * _SCORE**2) / np.sqrt(2 * np.pi)
+_POSITIVE_RISE, _EXCESS_RISE = (np.diff(table, append=table[-1]) for table in (_POSITIVE, _EXCESS))
+
+
 def _expected_excess(above: FloatArray, std: float) -> tuple[FloatArray, float]:
-    """Return the mean of max(above + r, 0) for a Gaussian r of a standard deviation, and how often it is positive."""
-    score = above / std
-    positive = scipy.special.ndtr(score)
-    return np.asarray(above * positive + std * np.exp(-0.5 * score**2) / np.sqrt(2 * np.pi)), float(positive.mean())
+    """Return the mean of max(above + r, 0) for a Gaussian r of a standard deviation, and how often it is positive.
+
+    By tables: it is called a thousand times for records of 100,000 samples, and takes a third of the time.
+    """
+    place = np.clip(above * (_STEPS / (_REACH * std)) + _STEPS, 0.0, 2.0 * _STEPS)
+    row = place.astype(np.intp)
+    place -= row
+    positive = _POSITIVE[row] + place * _POSITIVE_RISE[row]
+    excess = _EXCESS[row] + place * _EXCESS_RISE[row]
+    return np.maximum(std * excess, above), float(positive.mean())

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import integrate
+from scipy import integrate, stats
 
 from updater.quantities import BREATHES, Breathing, Law
 from updater.validation.breathing_crack import _Posterior
-from updater.validation.nonlinear_part import ActionTest, ShareFit
+from updater.validation.nonlinear_part import ActionTest, ShareFit, _expected_excess
 
 
 class KnownTest(ActionTest):
@@ -70,3 +70,12 @@ def test_bound_of_the_share() -> None:
     share = {"value": 0.1, "std": 0.05, "unit": "-"}
     found = Breathing.model_validate({"share": share, "open_time": None, "p_value": 0.5})
     assert found.upper_share == pytest.approx(0.1 + 1.645 * 0.05)
+
+
+@pytest.mark.parametrize("std", [0.01, 1.0, 40.0])
+def test_tables_of_the_expected_excess_equal_its_integral(std: float) -> None:
+    above = np.concatenate([np.linspace(-30, 30, 4001), [0.0]])
+    excess, often = _expected_excess(above, std)
+    positive = stats.norm.cdf(above / std)
+    np.testing.assert_allclose(excess, above * positive + std * stats.norm.pdf(above / std), atol=1e-7 * std)
+    assert often == pytest.approx(positive.mean(), abs=1e-7)
