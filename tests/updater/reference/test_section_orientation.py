@@ -132,7 +132,7 @@ def test_unexplained_change_has_a_note_on_the_sections() -> None:
     assert explain(portal.file(), before, now, only=("temperature",)).diagnosis.exchanged_sections is None
 
 
-@pytest.mark.parametrize(("members", "only"), few_of([(POSTS, ("support_stiffness",)), (POSTS, ()), (BEAM, ())]))
+@pytest.mark.parametrize(("members", "only"), few_of([(POSTS, ("support_stiffness",)), (POSTS, ()), (BEAM, ())], 0))
 def test_change_is_unexplained_by_a_model_that_does_not_fit_the_reference(
     members: tuple[str, ...], only: tuple[str, ...]
 ) -> None:

@@ -227,7 +227,7 @@ def bracket(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_bracket(tmp_path_factory.mktemp("bracket"))
 
 
-@pytest.mark.parametrize(("effect", "seed"), few_of([(effect, seed) for seed in (1, 2, 3, 4) for effect in EFFECTS]))
+@pytest.mark.parametrize(("effect", "seed"), few_of([(effect, seed) for seed in (1, 2, 3, 4) for effect in EFFECTS], 0))
 def test_loosened_foot_of_a_bracket_is_named(bracket: Path, effect: str, seed: int) -> None:
     reference, result = _diagnosed(bracket, effect, seed)
     found, expected = result.diagnosis, EFFECTS[effect][1]
