@@ -6,6 +6,7 @@ from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from updater.fe.assembly import build_model as build_model
+    from updater.fe.crack import Crack as Crack
     from updater.fe.eigen import Modes as Modes
     from updater.fe.element import Element as Element
     from updater.fe.external.files import Matrices as Matrices
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from updater.fe.redundants import self_stress as self_stress
     from updater.fe.response import Ambient as Ambient
     from updater.fe.response import AmbientResponse as AmbientResponse
-    from updater.fe.response import Crack as Crack
     from updater.fe.rotations import Hinges as Hinges
     from updater.fe.rotations import flexibility as flexibility
     from updater.fe.rotations import hinges_of as hinges_of

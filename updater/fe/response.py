@@ -2,24 +2,18 @@
 
 import itertools
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import scipy  # its parts at their first use
 
 from daq import FloatArray
 from oma import ComplexArray
-from updater.errors import ModelError
+from updater.fe.crack import Crack, ModalCrack
 from updater.fe.eigen import Modes
-from updater.fe.factorization import factorise
 from updater.fe.model import Model
-from updater.fe.section_forces import element_at, section_rigidity, weighted_actions
-from updater.quantities import Opens
-from updater.structure import BreathingCrack, Structure
 
 _PARTS = 16  # of a sample, at one of which a crack opens or closes
 _RESIDUAL_DAMPING = 0.7  # ratio with which the shape beyond the modes follows a crack
-_COMPLETE = 1e-9  # of a crack's flexibility beyond the modes: less is rounding
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,112 +25,6 @@ class Ambient:
     density: float  #: two-sided force spectral density of each [N2/Hz]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Crack:
-    """A crack of a member that is open on one side of a moment about a local axis, and closed on the other.
-
-    Or it is open within, or beyond, a moment on both sides of zero, as play, or a joint that gapes under both signs. Or
-    it slips with dry friction: a Coulomb slider in series with a spring, beside another spring (Iwan 1966). It is
-    closed while it sticks, and open while it slides, until it turns back. It sticks until the moment has changed by
-    twice that at which it slipped first.
-
-    It changes the flexibility of the model, in its modes: F' = Lambda^-1 + c a a^T, with the modes' moments a over
-    omega^2, and c the difference from what the model contains.
-    """
-
-    member: str
-    distance: float  #: from the member's start [m]
-    axis: Literal["x", "y", "z"]
-    flexibility: float  #: rotation per moment while it is open, over 1 / (E I) or 1 / (G J) [m]
-    closed: float = 0.0  #: the same while it is closed [m]
-    mean: float = 0.0  #: the same in the model [m]
-    moment: float = 0.0  #: moment at which it opens, closes, or first slips [N m]
-    opens: Opens = "above"  #: side of that moment on which it is open
-
-    @classmethod
-    def of(cls, structure: Structure) -> "Crack | None":
-        """Return the crack of a structure file; None if it has none.
-
-        Raises
-        ------
-        ModelError
-            If there are several.
-        """
-        found = structure.breathing_crack
-        if len(found) > 1:
-            raise ModelError(f"breathing_crack: expected at most one in a simulation, found {len(found)}")
-        return next((cls._of(structure, crack) for crack in found), None)
-
-    @classmethod
-    def _of(cls, structure: Structure, crack: BreathingCrack) -> "Crack":
-        start = structure.member_named(crack.member).start
-        known = {key: value for key, value in crack if key != "at"}
-        return cls(distance=float(np.linalg.norm(np.subtract(crack.at, start))), **known)
-
-    @property
-    def side(self) -> float:
-        """-1 if it opens below its moment, else 1."""
-        return -1.0 if self.opens == "below" else 1.0
-
-    @property
-    def place(self) -> tuple[str, float, str]:
-        """Member, distance from its start [m], and axis."""
-        return self.member, self.distance, self.axis
-
-    @property
-    def by_sides(self) -> tuple[float, float]:
-        """Flexibility on the near side of its moment, where zero is if it is positive, and on the far side."""
-        both = self.closed, self.flexibility
-        return both[::-1] if self.opens == "within" else both
-
-    def actions(self, model: Model, modes: Modes) -> tuple[FloatArray, float]:
-        """Return the moments (n_modes,) for unit modal displacements, and that at which it opens, over root E I.
-
-        Positive on the side on which it is open.
-        """
-        structure, at, action = model.structure, np.array([self.distance]), 3 + "xyz".index(self.axis)
-        m = [member.name for member in structure.member].index(self.member)
-        found = weighted_actions(model, modes, {m: at})[m][0, action]
-        own = section_rigidity(model, structure.member[m], at)[0, action]  # segments of the place included
-        rigidity = structure.rigidity(structure.member[m])[action - 3]
-        return self.side * np.sqrt(own / rigidity) * found, self.side * self.moment / float(np.sqrt(rigidity))
-
-    def with_residual(self, model: Model, modes: Modes) -> tuple[Modes, tuple[FloatArray, float]]:
-        """Return modes with one shape more, and their actions.
-
-        The shape is the static one under the crack's rotation, less its part in the modes: a Ritz vector (Wilson, Yuan
-        & Dickens 1982), orthogonal to them in mass and stiffness. It contains the flexibility of all modes left out. A
-        crack whose mean flexibility the model contains has none: its rotation is in the modes, and a hinge cannot take
-        back the flexibility of a stretch in shapes that are as short.
-        """
-        action, opens = self.actions(model, modes)
-        if self.mean:
-            return modes, (action, opens)
-        row = self._moment_row(model)
-        static = factorise(model.stiffness)(row)
-        shape = static - modes.shape @ (modes.shape.T @ (model.mass @ static))
-        stiffness = float(shape @ (model.stiffness @ shape))
-        if stiffness < _COMPLETE * float(row @ static):
-            return modes, (action, opens)
-        mass = float(shape @ (model.mass @ shape))
-        frequency = np.append(modes.frequency, np.sqrt(stiffness / mass) / (2 * np.pi))
-        shape /= np.sqrt(mass)
-        extended = Modes(frequency=frequency, shape=np.column_stack([modes.shape, shape]))
-        return extended, (np.append(action, row @ shape), opens)
-
-    def _moment_row(self, model: Model) -> FloatArray:
-        """Return the moment (n_dofs,) for unit displacements at rest, over root E I."""
-        structure = model.structure
-        span = element_at(model, structure.member_named(self.member), self.distance)
-        dofs = model.dofs[list(model.elements[span][:2])].ravel()
-        dofs = dofs[dofs >= 0]
-        unit = np.zeros((model.n_dofs, len(dofs)))
-        unit[dofs, np.arange(len(dofs))] = 1.0
-        row = np.zeros(model.n_dofs)
-        row[dofs], _ = self.actions(model, Modes(frequency=np.zeros(len(dofs)), shape=unit))
-        return row
-
-
 class AmbientResponse:
     """Accelerations of a structure in a given number of modes.
 
@@ -146,9 +34,8 @@ class AmbientResponse:
     together is exact as long as the crack is open, or closed. A sample that ends on another side of the moment is
     divided at the nearest of 16 parts to where a moment that changes linearly opens or closes it; with play, at both
     moments if it passes both. With dry friction, it is divided where it begins to slide and where it turns back. An
-    opening that begins and ends within one sample is not seen. With a crack that the model does not
-    contain, one shape more, the static one under its rotation, has the flexibility of all modes beyond those of
-    `damping`, so that shapes have the kink at the crack.
+    opening that begins and ends within one sample is not seen. With a crack, one shape more, the static one under its
+    rotation, has the flexibility of all modes beyond those of `damping`, so that shapes have the kink at the crack.
 
     Parameters
     ----------
@@ -158,11 +45,6 @@ class AmbientResponse:
     ambient : the forces
     rate : of the simulation [Hz]
     seed : of the forces
-
-    References
-    ----------
-    Wilson, E. L., Yuan, M.-W. & Dickens, J. M. (1982). Dynamic analysis by direct superposition of Ritz vectors.
-    Earthquake Engineering & Structural Dynamics 10(6), 813-821.
     """
 
     def __init__(
@@ -188,9 +70,9 @@ class AmbientResponse:
         modes, before = model.modes(len(self._damping)), self._crack
         self._crack = None
         if crack:
-            modes, actions = crack.with_residual(model, modes)
-            coupled = _SlippingModes if crack.opens == "slips" else _CrackedModes
-            self._crack = coupled(modes, actions, self._damping, crack, self._rate)
+            modal = ModalCrack.of(crack, model, modes)
+            modes, coupled = modal.modes, _SlippingModes if crack.opens == "slips" else _CrackedModes
+            self._crack = coupled(modal, self._damping, self._rate)
         self._adopt(model, modes)
         onto = modes.shape.T @ model.mass
         q, dq = onto @ x, onto @ dx
@@ -224,20 +106,17 @@ class _CrackedModes:
 
     Its rotation beyond that of the model is d m - e under a moment m, with d its flexibility less that of the model,
     and e = 0 on the near side of its moment m0, (far - near) m0 on the far side, with the flexibilities there; of two
-    far sides, the other sign on the other. For displacements q the moment is a^T q - g (d m - e), with g = a^T
-    Lambda^-1 a.
+    far sides, the other sign on the other. For displacements q the moment is a^T q - g (d m - e), with the moment g of
+    a unit rotation.
 
     A shape beyond the damped modes follows what moves it, without a resonance: its damper acts on its displacement less
     that of the static shape under the present rotation. One on its displacement would damp the modes.
     """
 
-    def __init__(
-        self, modes: Modes, actions: tuple[FloatArray, float], damping: FloatArray, crack: Crack, rate: float
-    ) -> None:
-        n, omega = len(modes.omega), modes.omega
-        self._crack, self._rate, self._n_damped = crack, rate, len(damping)
-        self._action, opens = actions
-        own = float((self._action / omega) @ (self._action / omega))
+    def __init__(self, modal: ModalCrack, damping: FloatArray, rate: float) -> None:
+        n, omega = len(modal.modes.omega), modal.modes.omega
+        self._crack, self._rate, self._n_damped = modal.crack, rate, len(damping)
+        self._action, opens, crack, own = modal.action, modal.opens, modal.crack, modal.stiffness
         near, far = crack.by_sides
         self._opens = opens * (1 + (near - crack.mean) * own)  # in a^T q
         self._two_sided = crack.opens in ("within", "beyond")
@@ -324,10 +203,8 @@ class _SlippingModes(_CrackedModes):
     with the play operator of Iwan (1966) for the moment itself, because both are linear in a^T q and v.
     """
 
-    def __init__(
-        self, modes: Modes, actions: tuple[FloatArray, float], damping: FloatArray, crack: Crack, rate: float
-    ) -> None:
-        super().__init__(modes, actions, damping, crack, rate)
+    def __init__(self, modal: ModalCrack, damping: FloatArray, rate: float) -> None:
+        super().__init__(modal, damping, rate)
         self._slider = 0.0  # v
         self._side_of_slip = 0  # 1 while it slides up, -1 down, 0 while it sticks
 

@@ -54,10 +54,10 @@ def section_rigidity(model: Model, member: Member, at: FloatArray) -> FloatArray
     return found
 
 
-def element_at(model: Model, member: Member, at: float) -> int:
-    """Return the number of the element at a distance from a member's start [m]."""
-    ((span, _, _),) = _spans_at(model, member, np.array([at]))
-    return span
+def element_at(model: Model, member: Member, at: float) -> tuple[int, float]:
+    """Return the number of the element at a distance from a member's start, and its own distance [m]."""
+    ((span, start, _),) = _spans_at(model, member, np.array([at]))
+    return span, start
 
 
 def _spans_at(model: Model, member: Member, at: FloatArray) -> Iterator[tuple[int, float, IndexArray]]:
@@ -111,8 +111,12 @@ def parts_between(
     member : one of the structure
     start, end : distances from the start of the member [m]
     """
-    own = [i for i, name in enumerate(model.member_names) if name == member.name]
-    return [_local(model, shape, i) for i in own if start < _middle(model, member, i) < end]
+    return [_local(model, shape, i) for i in elements_between(model, member, start, end)]
+
+
+def elements_between(model: Model, member: Member, start: float, end: float) -> list[int]:
+    """Return the numbers of the elements on a part of a member, given by distances from its start [m]."""
+    return [i for i in model.elements_of[member.name] if start < _middle(model, member, i) < end]
 
 
 def _local(model: Model, shape: FloatArray, span: int) -> tuple[Element, FloatArray]:
