@@ -24,7 +24,7 @@ from updater.quantities import Opens
 from updater.structure import AXES, ON_MEMBER, BreathingCrack, Member, Structure
 
 _COMPLETE = 1e-9  # of a hinge's flexibility beyond the modes: less is rounding
-_ALONG = 0.9  # cosine of the angle between the axis of a spring and that of a crack, at least
+_ALIKE = 0.9  # correlation of the moment of a spring with that of a crack over the modes, at least
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +124,7 @@ class ModalCrack:
         Wilson, E. L., Yuan, M.-W. & Dickens, J. M. (1982). Dynamic analysis by direct superposition of Ritz vectors.
         Earthquake Engineering & Structural Dynamics 10(6), 813-821.
         """
-        hinge = _Hinge.of(crack, model)
+        hinge = _Hinge.of(crack, model, modes)
         _check_mean(crack, hinge)
         static = factorise(model.stiffness)(hinge.row)
         shape = static - modes.shape @ (modes.shape.T @ (model.mass @ static))
@@ -167,10 +167,10 @@ class _Hinge:
     stiffness: float  #: moment of a unit rotation with all nodes held, over E I [1/m]
 
     @classmethod
-    def of(cls, crack: Crack, model: Model) -> "_Hinge":
-        """Return the hinge in the element at the place, or in the softest part there if that has the mean flexibility.
+    def of(cls, crack: Crack, model: Model, modes: Modes) -> "_Hinge":
+        """Return the hinge in the element at the place; one with a mean flexibility in the softest part there.
 
-        Such a part is a segment of the member, or a spring of a support or of a joint at its end.
+        Such a part is a segment of the member, or a spring of a support or of a joint.
         """
         member = model.structure.member_named(crack.member)
         span, start = element_at(model, member, crack.distance)
@@ -178,7 +178,7 @@ class _Hinge:
         in_element = cls._in_elements(crack, model, [(span, share, 1.0)])
         if not crack.mean:
             return in_element
-        parts = [*cls._in_segments(crack, model, member), *cls._in_springs(crack, model, member), in_element]
+        parts = [*cls._in_segments(crack, model, member), *in_element.in_springs(crack, model, modes), in_element]
         return min(parts, key=lambda hinge: hinge.stiffness)
 
     @classmethod
@@ -214,16 +214,18 @@ class _Hinge:
                 )
         return found
 
-    @classmethod
-    def _in_springs(cls, crack: Crack, model: Model, member: Member) -> list["_Hinge"]:
-        """Return hinges in series with the springs, about the axis of the crack, that hold an end of the member."""
-        end = 1.0 if crack.distance < ON_MEMBER else -1.0 if crack.distance > member.length - ON_MEMBER else 0.0
-        way = member.axes[crack.action - 3]
-        at, rigidity, found = member.point(crack.distance), _rigidity(crack, model), []
-        for (name, place, axis), (row, stiffness) in model.spring_rows().items():
-            along = end * float(way @ np.eye(3)[AXES.index(axis) % 3])
-            holds = name in ("", member.name) and np.linalg.norm(np.subtract(place, at)) < ON_MEMBER
-            if axis in AXES[3:] and holds and abs(along) > _ALONG:
-                moment = along * stiffness * row / np.sqrt(rigidity)
-                found.append(cls(crack.side * moment, along**2 * stiffness / rigidity))
+    def in_springs(self, crack: Crack, model: Model, modes: Modes) -> list["_Hinge"]:
+        """Return hinges in series with the springs at the place whose moment is that of this hinge in the modes."""
+        structure, found = model.structure, []
+        at = structure.member_named(crack.member).point(crack.distance)
+        own = self.row @ modes.shape / modes.omega
+        for (_, place, axis), (turn, stiffness) in model.spring_rows().items():
+            if axis in AXES[:3] or np.linalg.norm(np.subtract(place, at)) > ON_MEMBER:
+                continue
+            moment = stiffness * turn
+            in_spring = moment @ modes.shape / modes.omega
+            shared, square = float(own @ in_spring), float(in_spring @ in_spring)
+            if shared**2 > _ALIKE**2 * square * float(own @ own):
+                ratio = shared / square
+                found.append(_Hinge(ratio * moment, ratio**2 * stiffness))
         return found
