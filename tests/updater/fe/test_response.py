@@ -241,9 +241,9 @@ def _portal(feet: int) -> Structure:
 def _with_spring(crack: Crack, feet: int) -> Structure:
     """Return the portal with the open crack as a rotational spring."""
     structure = _portal(feet)
-    spring = {"ry": structure.rigidity(structure.member[0])[1] / crack.flexibility}
+    spring = structure.rigidity(structure.member[0])[1] / crack.flexibility
     if crack.member == "left":
-        foot = Support(at=(0.0, 0.0, 0.0), fixed=tuple(axis for axis in ALL if axis != "ry"), stiffness=spring)
+        foot = Support(at=(0.0, 0.0, 0.0), fixed=tuple(axis for axis in ALL if axis != "ry"), stiffness={"ry": spring})
         return structure.model_copy(update={"support": (foot, *structure.support[1:])})
     whole, *others = structure.member
     at = (crack.distance, 0.0, 1.0)
@@ -251,7 +251,7 @@ def _with_spring(crack: Crack, feet: int) -> Structure:
         whole.model_copy(update={"name": name, "start": start, "end": end, "elements": elements})
         for name, start, end, elements in (("beam", _LEFT_TOP, at, 15), ("rest", at, _RIGHT_TOP, 45))
     ]
-    joint = Joint(member="rest", at=at, stiffness=spring)
+    joint = Joint(member="rest", at=at, stiffness={"ry": spring})
     return structure.model_copy(update={"member": (*parts, *others), "joint": (joint,)})
 
 
