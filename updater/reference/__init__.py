@@ -31,6 +31,7 @@ from updater.reference.reference import first_stage as first_stage
 from updater.reference.reference import match_nominal_modes as match_nominal_modes
 from updater.reference.reference import pair_baseline as pair_baseline
 from updater.reference.section_orientation import exchanged_sections as exchanged_sections
+from updater.reference.segment_sensitivity import wall_error as wall_error
 from updater.reference.sensitivity_method import Convergence as Convergence
 from updater.reference.sensitivity_method import Prior as Prior
 from updater.reference.sensitivity_method import SensitivityFit as SensitivityFit

@@ -5,7 +5,6 @@ support and joint, and the additional stiffness of members where they meet. Dens
 not distinguish it from stiffness.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Literal
@@ -22,6 +21,7 @@ from updater.errors import PairingError
 from updater.fe import Element, Model, Modes, build_model, elastic_energy, parts_between
 from updater.modal_data import ModalMean, check_baseline, check_unit
 from updater.quantities import SIGNIFICANT, ParameterChange
+from updater.reference.segment_sensitivity import slope_by_factor, slope_by_spring, wall_error
 from updater.reference.sensitivity_method import (
     Convergence,
     Prior,
@@ -31,7 +31,6 @@ from updater.reference.sensitivity_method import (
 )
 from updater.structure import (
     TURNS,
-    WALL_ACTIONS,
     Axis,
     Joint,
     ModelParameter,
@@ -73,7 +72,6 @@ _LEAST_PAIRED = 3  # modes that a structure is fitted to
 _LOG_VERY_STRONG = 5.0
 # Chi-square per mode of a fit with springs of walls, above which the file has other errors that the springs imitate
 _FAR_OFF = 10.0
-_STEP = 1e-4  # of ln of a weld's stiffness, in the finite difference of an element's matrix
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,7 +242,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     frequency = np.exp(measured.log_frequency)
     check_unit(frequency, measured.shape, modes.frequency, seen)
     file = _Pairs(modes.frequency, seen, pair_modes(frequency, measured.shape, modes.frequency, seen))
-    data = _Data(structure, measured, nominal.mesh_error(modes.shape), n_modes)
+    data = _Data(structure, measured, nominal.mesh_error(modes.shape), n_modes, walls=[])
     knobs = model_parameters_of(structure)
     held = [knob for knob in knobs if knob.kind != "wall"]
     rigid = data.fitted(held, data.pairs(held, file)) if file.n >= _LEAST_PAIRED else None
@@ -310,6 +308,7 @@ class _Data:
     measured: ModalMean  #: (n_tracks,)
     mesh_error: FloatArray  #: (n_modes,) of the structure as in the file
     n_modes: int  #: of a model that is roughly fitted
+    walls: list[ModelParameter]  #: springs of walls, where these are not taken as rigid
 
     def pairs(self, knobs: list[ModelParameter], start: _Pairs) -> IndexArray:
         """Return the model mode (n_tracks,) of each track, -1 for none.
@@ -320,7 +319,7 @@ class _Data:
         alike = np.flatnonzero(share_within(measured, answers, start.frequency, start.seen) > _ALIKE)
         if not _LEAST_PAIRED <= len(alike) < start.n:
             return answers
-        rough = _Misfit(self.structure, knobs, measured.only(alike), self.mesh_error[answers[alike]], self.n_modes)
+        rough = self._misfit(knobs, alike, answers, self.n_modes)
         first = fit_parameters(rough, _prior(knobs))
         nearer = _pairs_with(
             best_model(apply_parameters(self.structure, knobs, first.value)), measured, len(start.frequency)
@@ -330,9 +329,11 @@ class _Data:
 
     def misfit(self, knobs: list[ModelParameter], answers: IndexArray) -> "_Misfit":
         """Return the misfit to the tracks that have a partner."""
-        tracks = np.flatnonzero(answers >= 0)
-        n_fitted = int(answers.max()) + 1 + _BEYOND
-        return _Misfit(self.structure, knobs, self.measured.only(tracks), self.mesh_error[answers[tracks]], n_fitted)
+        return self._misfit(knobs, np.flatnonzero(answers >= 0), answers, int(answers.max()) + 1 + _BEYOND)
+
+    def _misfit(self, knobs: list[ModelParameter], tracks: IndexArray, answers: IndexArray, n_modes: int) -> "_Misfit":
+        of_mesh = self.mesh_error[answers[tracks]]
+        return _Misfit(self.structure, knobs, self.measured.only(tracks), of_mesh, self.walls, n_modes)
 
     def fitted(self, knobs: list[ModelParameter], answers: IndexArray, start: FloatArray | None = None) -> _Fitted:
         """Return parameters fitted to the tracks that have a partner; None: from the prior's start."""
@@ -346,9 +347,9 @@ def _with_walls(data: _Data, knobs: list[ModelParameter], file: _Pairs, rigid: _
     """Return the fit with springs of walls if its evidence is much greater than with rigid walls, otherwise `rigid`.
 
     The prior of a spring is about the flexibility of a plate, and modes that do not determine it leave it there: a
-    rigid joint would become soft. Both are fitted to the same modes, the one with rigid walls also from the parameters
-    of the other: a local minimum is no evidence. These modes are paired with the expected flexibility of the walls if
-    more are paired then.
+    rigid joint would become soft. Both are fitted to the same modes, with the errors of walls that have the expected
+    springs, the one with rigid walls also from the parameters of the other: a local minimum is no evidence. These
+    modes are paired with the expected flexibility of the walls if more are paired then.
 
     Parameters
     ----------
@@ -358,6 +359,7 @@ def _with_walls(data: _Data, knobs: list[ModelParameter], file: _Pairs, rigid: _
     """
     walls = [knob for knob in knobs if knob.kind == "wall"]
     held = [knob for knob in knobs if knob.kind != "wall"]
+    data = replace(data, walls=walls)
     expected = best_model(apply_parameters(data.structure, walls, np.array([knob.mean for knob in walls])))
     softer = _pairs_with(expected, data.measured, len(file.frequency))
     start = softer if softer.n > file.n else file
@@ -365,7 +367,7 @@ def _with_walls(data: _Data, knobs: list[ModelParameter], file: _Pairs, rigid: _
         return rigid
     answers = data.pairs(knobs, start)
     if rigid is not None and (answers >= 0).sum() <= (rigid.answers >= 0).sum():
-        answers, first = rigid.answers, rigid
+        answers, first = rigid.answers, data.fitted(held, rigid.answers, rigid.fit.value)
     else:
         first = data.fitted(held, answers)
     free = data.fitted(knobs, answers)
@@ -458,7 +460,8 @@ class _Misfit:
     """Log frequencies of the structure with parameters x over the measured ones.
 
     A parameter may move a mode across another, so that partners are searched again at each x. The error of a mesh
-    (n_tracks,) is part of the tolerance: parameters that replaced it would make the shapes wrong.
+    (n_tracks,) is part of the tolerance, and that of walls that bend: parameters that replaced them would make the
+    shapes wrong.
     """
 
     def __init__(
@@ -467,15 +470,26 @@ class _Misfit:
         knobs: list[ModelParameter],
         measured: ModalMean,
         mesh_error: FloatArray,
+        walls: list[ModelParameter],
         n_modes: int,
     ) -> None:
         self._structure, self._knobs, self._measured, self._n_modes = structure, knobs, measured, n_modes
-        variance = measured.log_frequency_std**2 + FREQUENCY_ERROR**2
+        variance = measured.log_frequency_std**2 + FREQUENCY_ERROR**2 + self._wall_error(walls) ** 2
         self._whitener = np.linalg.inv(np.linalg.cholesky(np.diag(variance) + mesh_covariance(mesh_error)))
         self._solved = lru_cache(2)(self._solve)  # a step that failed, and the parameters before it
 
+    def _wall_error(self, walls: list[ModelParameter]) -> FloatArray:
+        """Return the relative error of the frequencies (n_tracks,) by walls with their expected springs."""
+        if not walls:
+            return np.zeros(len(self._measured.log_frequency))
+        model, modes, _ = self._paired(apply_parameters(self._structure, walls, np.array([w.mean for w in walls])))
+        return wall_error(model, modes)
+
     def _solve(self, *x: float) -> tuple[Model, Modes, IndexArray]:
-        model = best_model(apply_parameters(self._structure, self._knobs, np.array(x)))
+        return self._paired(apply_parameters(self._structure, self._knobs, np.array(x)))
+
+    def _paired(self, structure: Structure) -> tuple[Model, Modes, IndexArray]:
+        model = best_model(structure)
         modes = model.modes(self._n_modes)
         seen = (channel_rows(model, self._measured.channels) @ modes.shape).T
         unlike = 1 - mac_of_moving(self._measured.shape, seen)
@@ -527,40 +541,19 @@ class _Misfit:
         """Return d ln omega by the share of flexibility that a weld takes, its elements' part of b^T dK b."""
         zones = joint_zones(model.structure, knob)
         parts = [part for zone in zones for part in parts_between(model, modes.shape, *zone)]
-        return _by_factor(modes, parts, Element.turned) / (1 - less)
+        return slope_by_factor(modes, parts, Element.turned) / (1 - less)
 
     def _by_wall(self, model: Model, modes: Modes, knob: ModelParameter, flexibility: float) -> FloatArray:
         """Return d ln omega by the flexibility of a wall's spring: its segment's elastic energy over its compliance."""
         wall = wall_of(self._structure, self._structure.member_named(knob.target), knob.at)
         assert wall is not None  # the parameter is of it
-        parts = parts_between(model, modes.shape, wall.branch, wall.start, wall.end)
-        action = WALL_ACTIONS[knob.axis]
-        by_factor = _by_factor(modes, parts, lambda element, factor: element.with_factor(action, factor))
-        return by_factor * wall.slope(flexibility)
+        return slope_by_spring(model, modes, wall, knob.axis) * wall.slope(flexibility)
 
     def _by_spring(self, model: Model, modes: Modes, knob: ModelParameter) -> FloatArray:
         """Return d ln omega / dc, -q^2 / (2 omega^2 unit) by the moments or forces q of the modes in the spring."""
         row, spring = spring_of(model, knob)
         force = spring * (row @ modes.shape)
         return np.asarray(-(force**2) / (2 * modes.omega**2 * flexibility_unit(self._structure, knob.axis, knob.at)))
-
-
-def _by_factor(
-    modes: Modes, parts: list[tuple[Element, FloatArray]], with_factor: Callable[[Element, float], Element]
-) -> FloatArray:
-    """Return d ln omega (n_modes,) by the logarithm of a factor on elements' stiffness, their part of b^T dK b.
-
-    Parameters
-    ----------
-    parts : elements, each with shapes (12, n_modes) in its own axes
-    with_factor : an element with a factor
-    """
-    gained = np.zeros(len(modes.omega))
-    for element, local in parts:
-        more, fewer = (with_factor(element, float(np.exp(h))) for h in (_STEP, -_STEP))
-        change = (more.elastic_stiffness - fewer.elastic_stiffness) @ local / (2 * _STEP)
-        gained += (local * change).sum(0)
-    return np.asarray(gained / (2 * modes.omega**2))
 
 
 def spring_of(model: Model, knob: ModelParameter) -> tuple[FloatArray, float]:

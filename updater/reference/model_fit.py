@@ -16,6 +16,7 @@ from updater.modal_data import ModalMean, match_modes
 from updater.quantities import ASKEW_STD, FREQUENCY_STD
 from updater.reference.calibration import UNLIKE, channel_rows, enough_modes, share_within
 from updater.reference.reference import SHAPE_STD
+from updater.reference.segment_sensitivity import wall_error
 
 _STILL = 1e-9  # motion of a mode at the sensors [1/sqrt(kg)]: a smaller one is not measured
 
@@ -35,13 +36,15 @@ def own_modes(model: Model, measured: ModalMean, *, n_modes: int = 30) -> tuple[
     seen = np.flatnonzero(np.linalg.norm(at_channels, axis=1) > _STILL)
     length = np.linalg.norm(at_channels[seen], axis=1, keepdims=True)
     shape = at_channels[seen] / length
-    across = channel_rows(model, measured.channels, across=True) @ modes.shape[:, seen]
+    shapes = modes.shape[:, seen]
+    of_seen = Modes(frequency=modes.frequency[seen], shape=shapes)
+    across = channel_rows(model, measured.channels, across=True) @ shapes
     crossing: FloatArray = np.linalg.norm(across.reshape(2, *shape.T.shape), axis=0).T / length
     own = ModalMean(
         channels=measured.channels,
         n=np.ones(len(seen), np.intp),
         log_frequency=np.log(modes.frequency[seen]),
-        log_frequency_std=np.hypot(FREQUENCY_STD, model.mesh_error(modes.shape[:, seen])),
+        log_frequency_std=np.sqrt(FREQUENCY_STD**2 + model.mesh_error(shapes) ** 2 + wall_error(model, of_seen) ** 2),
         damping=np.full(len(seen), np.nan),
         damping_std=np.full(len(seen), np.nan),
         shape=shape,

@@ -57,7 +57,10 @@ from updater.structure.toml_file import t_structure_toml as t_structure_toml
 from updater.structure.validation import mean_flexibilities as mean_flexibilities
 from updater.structure.validation import odd_units as odd_units
 from updater.structure.walls import WALL_ACTIONS as WALL_ACTIONS
+from updater.structure.walls import WALL_AXES as WALL_AXES
+from updater.structure.walls import Wall as Wall
 from updater.structure.walls import wall_of as wall_of
+from updater.structure.walls import walls_with_springs as walls_with_springs
 from updater.structure.written_structure import is_negligible as is_negligible
 from updater.structure.written_structure import rounded as rounded
 from updater.structure.written_structure import simplified as simplified

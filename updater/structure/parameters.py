@@ -667,9 +667,11 @@ def joint_zones(structure: Structure, knob: ModelParameter) -> list[tuple[Member
             least, greatest = _half_way(structure, member, knob.at, 2 * outer)
             cut = [(max(start, least), min(end, greatest)) for start, end in zones]
             wall = wall_of(structure, member, knob.at)
-            soft = wall is not None and any(wall.is_of(segment) for segment in structure.segment)
-            apart = [p for zone in cut for p in (_without(*zone, wall.start, wall.end) if wall and soft else [zone])]
-            found += [(member, start, end) for start, end in apart if end - start > ON_MEMBER]
+            if wall is not None:
+                soft = {axis for segment in structure.segment for axis in wall.axes_of(segment)}
+                for gap in sorted(wall.span(axis) for axis in soft):
+                    cut = [part for zone in cut for part in _without(*zone, *gap)]
+            found += [(member, start, end) for start, end in cut if end - start > ON_MEMBER]
     return found
 
 

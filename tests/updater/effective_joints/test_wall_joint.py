@@ -11,6 +11,7 @@ from monitor.analysis.explanation import explain
 from tests.support.portals.block_windows import change_is_found, measured_modes, prediction_errors
 from tests.support.portals.wall_specimens import draw_tubes
 from updater import Structure, build_model, dump_structure, parse_structure
+from updater.reference import wall_error
 from updater.structure import (
     ModelParameter,
     apply_parameters,
@@ -55,6 +56,7 @@ at = [0, 0, 0]
 fixed = ["x", "y", "z", "rx", "ry", "rz"]
 """
 JOINT = '[[joint]]\nmember = "{}"\nat = [0, 0, 0.6]\nstiffness = {{ ry = 4e4 }}'
+BEYOND = 1.15 * (0.04 / 0.06) ** 2 * 0.03  # of the face [m]: by the square of the branch's share of the width
 TIP, ALONG, UP = (0.5, 0.0, 0.6), 0, 2
 
 
@@ -77,7 +79,27 @@ def test_wall_of_a_hollow_chord_has_springs_at_its_face() -> None:
     assert sorted(found) == ["branch.wall_ry", "branch.wall_rz", "branch.wall_x"]
     wall = wall_of(structure, structure.member_named("branch"), (0.0, 0.0, 0.6))
     assert wall is not None
-    assert wall.start == pytest.approx(0.03)  # half the depth of the chord
+    assert wall.start == pytest.approx({"ry": 0.03, "rz": 0.03 + BEYOND, "x": 0.03})  # half the depth of the chord
+
+
+def test_spring_about_a_chord_that_lies_is_about_local_y() -> None:
+    """A branch that stands on a chord along its local y axis."""
+    lying = FILE.format(chord=CHORD, width=0.04, end=[0.5, 0.0, 0.6])
+    for old, new in (("[0, 0, 1]", "[0, 1, 0]"), ("[0, 0, 0.6]", "[0, 0.6, 0]"), ("[0.5, 0.0, 0.6]", "[0.5, 0.6, 0]")):
+        lying = lying.replace(old, new)
+    structure = parse_structure(lying)
+    wall = wall_of(structure, structure.member_named("branch"), (0.0, 0.6, 0.0))
+    assert wall is not None
+    assert wall.start["ry"] > wall.start["rz"] == pytest.approx(0.03)
+
+
+def test_springs_of_a_branch_that_ends_on_the_chord_are_at_its_end() -> None:
+    text = FILE.format(chord=CHORD, width=0.04, end=[0.0, 0.0, 0.6])
+    structure = parse_structure(text.replace("from = [0, 0, 0.6]", "from = [-0.5, 0, 0.6]"))
+    wall = wall_of(structure, structure.member_named("branch"), (0.0, 0.0, 0.6))
+    assert wall is not None
+    ends = {axis: wall.branch.length - wall.span(axis)[1] for axis in wall.start}
+    assert ends == pytest.approx({"ry": 0.03, "rz": 0.03 + BEYOND, "x": 0.03})
 
 
 @pytest.mark.parametrize("angle", [0.0, 30.0, 45.0])
@@ -86,7 +108,7 @@ def test_face_of_a_round_chord_is_at_its_radius(angle: float) -> None:
     structure = structure_of('shape = "tube"\ndiameter = 0.06\nthickness = 0.003', width=0.03, way=way)
     wall = wall_of(structure, structure.member_named("branch"), (0.0, 0.0, 0.6))
     assert wall is not None
-    assert wall.start == pytest.approx(0.03)
+    assert list(wall.start.values()) == pytest.approx([0.03] * 3)
 
 
 def test_bounds_of_a_wall_hold_its_expected_value() -> None:
@@ -153,6 +175,24 @@ def test_spring_of_a_wall_adds_its_flexibility_at_the_face(axis: str, lever: flo
     before, after = (tip_flexibility(one, way) for one in (structure, softer))
     added = lever**2 / physical_value(structure, knob, knob.mean)
     assert after - before == pytest.approx(added, rel=2 * 0.0015 / 0.47)
+
+
+def test_error_of_a_wall_is_that_of_a_spring_whose_flexibility_rises_with_frequency() -> None:
+    """Each mode, with springs that are softer by the square of its frequency over the wall's, to first order.
+
+    The share is at most 0.04, and so is the second order of the shift, relative to the first.
+    """
+    structure = structure_of()
+    knobs = list(wall_parameters(structure).values())
+    wall = wall_of(structure, structure.member_named("branch"), (0.0, 0.0, 0.6))
+    assert wall is not None
+    model = build_model(apply_parameters(structure, knobs, np.array([k.mean for k in knobs])))
+    modes = model.modes(6)
+    for mode, (frequency, error) in enumerate(zip(modes.frequency, wall_error(model, modes), strict=True)):
+        softer = np.array([k.mean * (1 + (frequency / wall.frequency) ** 2) for k in knobs])
+        changed = build_model(apply_parameters(structure, knobs, softer)).modes(6).frequency[mode]
+        assert (frequency / wall.frequency) ** 2 < 0.04
+        assert np.log(frequency / changed) == pytest.approx(error, rel=0.04)
 
 
 def tip_flexibility(structure: Structure, way: int) -> float:

@@ -281,7 +281,7 @@ def _compliance(reference: Reference, knob: ModelParameter, value: float, file: 
         wall = wall_of(model.structure, model.structure.member_named(knob.target), knob.at)
         assert wall is not None  # the parameter is of it
         action = WALL_ACTIONS[knob.axis]
-        ends = np.array([wall.start, wall.end])
+        ends = np.array(wall.span(knob.axis))
         return -wall.slope(value) * _between(reference, members.index(wall.branch), ends, slice(action, action + 1))
     row, _ = spring_of(model, knob)
     force = modal_spring_force(reference, connection_of(model.structure, knob), knob.axis, row)
