@@ -1,7 +1,7 @@
 """A file whose branch is rigid on a hollow chord, measured modes of solids whose wall bends there.
 
-Springs at the chord's face represent the wall. In most draws the file's parameters alone are named; some remain
-unexplained, or have a false loss of stiffness beside the joint. A change that follows is found.
+Springs at and beyond the chord's face represent the wall. In most draws the file's parameters alone are named; some
+are ambiguous with the place of a sensor. A change that follows is found.
 """
 
 import numpy as np
@@ -203,15 +203,17 @@ def tip_flexibility(structure: Structure, way: int) -> float:
 
 
 @pytest.mark.thorough
-@pytest.mark.timeout(1200)
+@pytest.mark.timeout(2400)
 def test_wall_that_bends_is_a_joint_and_no_defect() -> None:
-    """Of ten draws, the first ten, six were explained by the file's parameters alone and two had a false cause.
+    """Of twenty draws, the first twenty, 17 were explained by the file's parameters alone.
 
-    At least five, and at most three: one draw more than was measured, as by another version of a library.
+    The other three were ambiguous with a sensor that is 10 to 12 mm off. At least 16: one draw less than was measured,
+    as by another version of a library. No draw may have a loss of stiffness, a mass or another cause.
     """
-    found = [_explained(seed) for seed in range(1, 11)]
-    assert sum(named == {"model_parameters"} and better for named, better in found) >= 5
-    assert sum(bool(named - {"model_parameters"}) for named, _ in found) <= 3
+    found = [_explained(seed) for seed in range(1, 21)]
+    assert all(better for _, better in found)
+    assert sum(named == {"model_parameters"} for named, _ in found) >= 16
+    assert not [named for named, _ in found if named - {"model_parameters", "sensor_position"}]
 
 
 def _explained(seed: int) -> tuple[set[str], bool]:
@@ -231,7 +233,7 @@ def _explained(seed: int) -> tuple[set[str], bool]:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("effect", "seeds"), [("body", (1, 3, 5)), ("foot", (2, 4))])
+@pytest.mark.parametrize(("effect", "seeds"), [("body", (1, 3, 5, 7, 9)), ("foot", (2, 4, 6, 8, 10))])
 def test_change_of_a_frame_with_a_wall_joint_is_found(effect: str, seeds: tuple[int, ...]) -> None:
     """Against reference logs, to which the springs of the wall are calibrated. These are all draws that were run."""
     assert all(change_is_found(draw_tubes(seed), seed, effect, N_USED) for seed in seeds)
