@@ -36,6 +36,7 @@ _ALONG = 0.5  # cosine of the angle to the chord's axis, above which a branch ru
 # of the share that the branch has.
 _ACROSS, _ABOUT_CHORD, _PUSH = 0.66, 0.28, 0.064
 _BEYOND = 1.15
+_NU = 0.3  # Poisson's ratio of metals
 _DIGITS = 6  # of places and extents [m]
 _ALIKE = 1e-3  # relative difference of extents that are the same but for the digits of a file
 
@@ -216,8 +217,7 @@ def _thickness(section: Section) -> float:
 def _lowest_frequency(structure: Structure, chord: Member, width: float) -> float:
     """Return the lowest frequency of a strip across a chord's wall, of a width [m], that turns at its ends [Hz]."""
     material = structure.material[chord.material]
-    ratio = material.youngs_modulus / (2 * material.shear_modulus) - 1
-    bending = math.sqrt(material.youngs_modulus / (12 * (1 - ratio**2) * material.density))
+    bending = math.sqrt(material.youngs_modulus / (12 * (1 - _NU**2) * material.density))
     return math.pi / 2 * bending * _thickness(structure.section[chord.section]) / width**2
 
 

@@ -97,7 +97,7 @@ def test_calibration_slope_matches_finite_differences(rig: Rig) -> None:
     knobs = model_parameters_of(t_frame())
     baseline = rig.reference.baseline
     no_mesh = np.zeros(len(baseline.log_frequency))
-    problem = _Misfit(t_frame(), knobs, baseline, no_mesh, int(rig.reference.paired.max()) + 1)
+    problem = _Misfit(t_frame(), knobs, baseline, no_mesh, [], int(rig.reference.paired.max()) + 1)
     x = np.array([0.02, *np.full(len(knobs) - 1, 0.01)])
     slope, step = problem.slope(x), 1e-3 * np.array([1.0, *np.full(len(knobs) - 1, 0.01)])
     for i in range(len(knobs)):
