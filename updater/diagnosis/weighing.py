@@ -153,7 +153,8 @@ def _same_alternatives(one: Cause, other: Cause) -> bool:
         for cause in (one, other)
     )
     return type(one) is type(other) and all(
-        others[name] is values or np.array_equal(others[name], values) for name, values in arrays.items()
+        others[name] is arrays[name] or np.array_equal(others[name], arrays[name])
+        for name in arrays.keys() & others.keys()  # either may have cached arrays that follow from those of both
     )
 
 
@@ -360,19 +361,21 @@ class EvidenceComparison:
         The others' parameters differ from one alternative to the next as they did there. None where the best of no
         known fit remains about as good.
         """
-        n_own = len(together.free.prior_std)
-        least, start = np.inf, None
-        for found in known:
-            if not _same_alternatives(found.hypotheses.free, together.free):
-                continue
-            theta = found.theta.copy()
-            theta[:, n_own:] += np.concatenate([c.theta for c in together.chosen]) - theta[found.best, n_own:]
-            theta = np.maximum(theta, together.lower)
-            best = np.array([found.best])
-            cost = float(evaluate(self.data, together, theta[best], best).cost[0])
-            if cost < min(least, found.chi_square.min() + _NEIGHBOURING):
-                least, start = cost, theta
-        return start
+        alike = [found for found in known if _same_alternatives(found.hypotheses.free, together.free)]
+        if not alike:
+            return None
+        n_own, lower = len(together.free.prior_std), together.lower
+        others = np.concatenate([c.theta for c in together.chosen])
+        best = np.array([found.best for found in alike])
+        begun = np.array([np.append(found.theta[found.best, :n_own], others) for found in alike])
+        cost = evaluate(self.data, together, np.maximum(begun, lower[best]), best).cost  # of all known fits at once
+        usable = cost < np.array([found.chi_square.min() for found in alike]) + _NEIGHBOURING
+        if not usable.any():
+            return None
+        nearest = alike[int(np.argmin(np.where(usable, cost, np.inf)))]
+        start = nearest.theta.copy()
+        start[:, n_own:] += others - nearest.theta[nearest.best, n_own:]
+        return np.maximum(start, lower)
 
     def _single(self, name: str, cause: Cause) -> Candidate:
         """Fit the first alternatives of one cause alone."""

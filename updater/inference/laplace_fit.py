@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
 
 import numpy as np
@@ -131,18 +132,18 @@ class Fit(Generic[H]):
     freedom: float  #: number of data less the parameters that they determine
     frequency_residual: FloatArray  #: (n_alternatives, n) whitened residuals of the frequencies
 
-    @property
+    @cached_property
     def log_evidence(self) -> float:
         """Log evidence of the cause, all alternatives together."""
         return float(logsumexp(self.log_density + self.hypotheses.log_prior))
 
-    @property
+    @cached_property
     def probability(self) -> FloatArray:
         """Probability of each alternative (n_alternatives,), if this is the cause."""
         log = self.log_density + self.hypotheses.log_prior
         return np.asarray(np.exp(log - logsumexp(log)))
 
-    @property
+    @cached_property
     def best(self) -> int:
         """The most probable alternative."""
         return int(np.argmax(self.probability))

@@ -8,7 +8,7 @@ as much as the noise.
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -95,13 +95,13 @@ class AddedMass:
         """Lower bounds (n_alternatives, n_parameters): no more mass is removed than there is."""
         return np.tile([-LARGEST_REMOVED * self._total, -np.inf, -np.inf, 0.0], (len(self.position), 1))
 
-    @property
+    @cached_property
     def weight(self) -> FloatArray:
         """Length that each position represents (n,) [m]; positions between distant ones are improbable."""
         members = np.unique(self.member)
         return np.concatenate([_lengths(self.position[self.member == m], self.gap) for m in members])
 
-    @property
+    @cached_property
     def log_prior(self) -> FloatArray:
         """Log prior probability (n_alternatives,): uniform along all members [-]."""
         length = sum(member.length for member in self.reference.structure.member)
