@@ -131,6 +131,15 @@ def common(names: Sequence[str]) -> list[str]:
     return sorted(CATALOGUE[name].common_form or name for name in names)
 
 
+def _is_hopeless(fitted: Candidate, known: Sequence[Candidate]) -> bool:
+    """Return whether a fit cannot come within reach of another one, however it is refined.
+
+    Refinement moves causes to other places, which is what `at_most` bounds: the log evidence, and 15 and a fifth of
+    half the misfit in addition.
+    """
+    return any(fitted.at_most < other.log_evidence for other in known)
+
+
 @dataclass(frozen=True, eq=False)
 class Compositions:
     """Several of the weighed causes at once."""
@@ -156,7 +165,7 @@ class Compositions:
             found.append(self.weighing.faults.attempt(" and ".join(names), partial(self._promise, seed, name, cause)))
         return sorted((p for p in found if p is not None), key=lambda p: -p.log_evidence)
 
-    def at_once(self, only: Collection[str] | None = None) -> list[Candidate]:
+    def at_once(self, only: Collection[str] | None = None, *, known: Sequence[Candidate] = ()) -> list[Candidate]:
         """Fit the two causes that explain most together to first order, wherever the one that does alone may be.
 
         A rare cause among them is exchanged for the common one that acts much like it, too.
@@ -164,15 +173,16 @@ class Compositions:
         Parameters
         ----------
         only : names of the causes to which the pair is limited; None: all that are considered
+        known : other pairs; a fit that cannot exceed them is not refined (`_is_hopeless`)
         """
         allowed = [name for name in self.weighing.causes if only is None or name in only]
         weighing = self.weighing if only is None else replace(self.weighing, allowed=allowed)
         pair = self.weighing.faults.attempt("a pair of causes to first order", partial(likeliest_pair, weighing))
-        found = None if pair is None else self.converged_fit(pair)
+        found = None if pair is None else self.converged_fit(pair, known)
         if found is None:
             return []
-        others = self._alike(found) if only is None else []
-        alike = [self.converged_fit(chosen) for chosen in others]
+        others = self._alike(found) if only is None and not _is_hopeless(found, known) else []
+        alike = [self.converged_fit(chosen, known) for chosen in others]
         return ranked([found, *(other for other in alike if other is not None)])
 
     def with_two_bodies(self, singles: Sequence[Candidate]) -> list[Candidate]:
@@ -276,10 +286,15 @@ class Compositions:
         found = [self.likely_fit(p.chosen, most) for p in left if sorted(p.names) not in tried]
         return [again for c in found if c is not None and (again := self._refit_until_converged(c)) is not None]
 
-    def further(self, promises: Sequence[PredictedCandidate]) -> list[Candidate]:
+    def further(self, promises: Sequence[PredictedCandidate], known: Sequence[Candidate]) -> list[Candidate]:
         """Fit the best of those left out by `together`, each with other causes: the error of first order may be larger.
 
         A body at a position that compensates for an adjacent stretch reduces the predicted effect of that stretch.
+
+        Parameters
+        ----------
+        promises : all predictions, the best first
+        known : other pairs; fits that cannot exceed them are not refined
         """
         tried = [common(p.names) for p in self._worth_fitting(promises)]
         others: dict[tuple[str, ...], PredictedCandidate] = {}
@@ -287,10 +302,16 @@ class Compositions:
             names = common(promise.names)
             if names == sorted(promise.names) and names not in tried and promise.log_evidence > promise.fewer:
                 others.setdefault(tuple(names), promise)
-        return self._fitted(list(others.values())[:_FURTHER]) if others else []
+        return self._fitted(list(others.values())[:_FURTHER], known) if others else []
 
-    def _fitted(self, promises: Sequence[PredictedCandidate]) -> list[Candidate]:
-        """Return the fits of predictions, the best also with its causes at other places and with similar causes."""
+    def _fitted(self, promises: Sequence[PredictedCandidate], known: Sequence[Candidate] = ()) -> list[Candidate]:
+        """Return the fits of predictions, the best also with its causes at other places and with similar causes.
+
+        Parameters
+        ----------
+        promises : predictions, the best first
+        known : other fits; where these cannot be exceeded, the best of the predictions is not refined
+        """
         found: dict[tuple[str, ...], Candidate] = {}
 
         def keep(fitted: Candidate | None) -> None:
@@ -306,6 +327,8 @@ class Compositions:
         if not found:
             return []
         best = max(found.values(), key=lambda c: c.log_evidence)
+        if _is_hopeless(best, known):
+            return self._with_other_makers(sorted(found.values(), key=lambda c: -c.log_evidence))
         keep(self._refit_until_converged(best))
         for other in self._at_next_place(best):
             keep(self.converged_fit(other.chosen))
@@ -332,14 +355,20 @@ class Compositions:
         margin = HOPELESS + ERRS * max(best.log_evidence - best.fewer, 0.0)
         return other.log_evidence >= best.log_evidence - margin
 
-    def converged_fit(self, chosen: tuple[SelectedCause, ...]) -> Candidate | None:
-        """Return causes fitted in turn, and again while the fit improves; None where the first fit fails."""
-        return self._refit_until_converged(self.coordinate_fit(chosen))
+    def converged_fit(self, chosen: tuple[SelectedCause, ...], known: Sequence[Candidate] = ()) -> Candidate | None:
+        """Return causes fitted in turn, and again while the fit improves; None where the first fit fails.
 
-    def _refit_until_converged(self, fitted: Candidate | None) -> Candidate | None:
-        """Refit each cause with the others at their present values while the fit improves."""
-        if fitted is None:
-            return None
+        Parameters
+        ----------
+        chosen : causes, with the parameters from which their fit begins
+        known : other fits; where these cannot be exceeded, causes are fitted once
+        """
+        return self._refit_until_converged(self.coordinate_fit(chosen), known)
+
+    def _refit_until_converged(self, fitted: Candidate | None, known: Sequence[Candidate] = ()) -> Candidate | None:
+        """Refit each cause with the others at their present values while the fit improves and may exceed others."""
+        if fitted is None or _is_hopeless(fitted, known):
+            return fitted
         for _ in range(_TURNS):
             again = self.coordinate_fit(fitted.chosen)
             if again is None:

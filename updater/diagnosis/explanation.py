@@ -232,8 +232,12 @@ def _diagnosed(
             given: dict[str, Any] = {"circumstances": circumstances, "only": only, "without": without}
             return _diagnosed(revised, measured, unused, bare, on_cause=on_cause, **given)
 
+        def accepted(candidate: Candidate) -> bool:
+            return fits(candidate) and within_noise(good, candidate.chosen)
+
+        needed = only_needed(case.weighing, found[0], accepted)  # a body that is not needed shows no error
         revisions = {
-            "removed bodies": partial(with_removed_bodies, case, found[0], partial(again, reference.calibration)),
+            "removed bodies": partial(with_removed_bodies, case, needed, partial(again, reference.calibration)),
             "unchanged connections": partial(with_unchanged_springs, case, found[0], partial(again, None)),
         }
         for what, revision in revisions.items():
@@ -241,9 +245,7 @@ def _diagnosed(
             if revised is not None:
                 return revised
         found = found if within_noise(good, found[0].chosen) else closer(case, found, good)
-        leading = only_needed(
-            case.weighing, merged(case.weighing, found[0]), lambda c: fits(c) and within_noise(good, c.chosen)
-        )
+        leading = only_needed(case.weighing, merged(case.weighing, found[0]), accepted)
         fewer = len(leading.chosen) < len(found[0].chosen)
         rest = [c for c in found[1:] if not (fewer and sorted(c.names) == sorted(leading.names))]
         found = significant_only(case.weighing, [leading, *rest])

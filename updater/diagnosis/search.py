@@ -236,7 +236,7 @@ def _again(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candida
         again += [fitted for fitted in (several.coordinate_fit(c.chosen) for c in others) if fitted is not None]
     rare = any(len(c.names) == 1 and CATALOGUE[c.names[0]].common_form for c in again)
     if free or (rare and not _explains_alone(weighing, again[0])):
-        again += several.at_once(weighing.common_forms)
+        again += several.at_once(weighing.common_forms, known=again)
     return ranked(again)
 
 
@@ -286,9 +286,9 @@ def stepwise(
             break
         more = several.together(promises)
         if number == 1 and not any(c.p_value >= WELL for c in more) and not weighing.of_the_file:
-            more += [c for c in several.at_once() if not any(_as_good(m, c) for m in more)]
+            more += [c for c in several.at_once(known=more) if not any(_as_good(m, c) for m in more)]
             if all(map(_is_doubtful, more)):
-                more += several.further(promises)
+                more += several.further(promises, more)
         if number == 1:
             more += several.later(promises, more)
         more = [c for c in more if c.earned(found)]
