@@ -71,7 +71,7 @@ class AddedMass:
     place_free: bool = False
     advice: str = "Inspect this place. A sensor moved there would make the estimate more precise."
 
-    @property
+    @cached_property
     def _total(self) -> float:
         return self.reference.model.total_mass()
 
@@ -79,7 +79,7 @@ class AddedMass:
     def _fine(self) -> float:
         return FINE * fineness(self.reference.structure)
 
-    @property
+    @cached_property
     def prior_std(self) -> FloatArray:
         """Mass [kg], offsets [m] and squared radius of gyration [m2]: large structures bear large bodies."""
         large = size(self.reference.structure)
