@@ -87,17 +87,19 @@ def estimate_excitation(
     kept, share = _thinned(lines, system)
     lines, matrices = lines[kept], matrices[kept]
     response = shape * system.accelerance(lines)[:, None, :]
-    back = response.conj().swapaxes(1, 2)
+    back = np.ascontiguousarray(response.conj().swapaxes(1, 2))
     density = np.einsum("lcc->lc", matrices).real
     power = share @ density
     noise = 0.1 * power
     force = np.eye(len(system.frequency)) * power.sum() / (share @ (np.abs(response) ** 2).sum((1, 2)))
     for _ in range(_ITERATIONS):
-        weight = force @ back @ np.linalg.inv(response @ force @ back + np.diag(noise))  # E[p | y] = weight y
-        explained = response @ weight
-        moment = weight @ matrices @ weight.conj().swapaxes(1, 2) + force - weight @ response @ force
-        left = density - 2 * np.einsum("lcd,ldc->lc", explained, matrices).real
-        left += np.einsum("lcm,lmc->lc", response @ moment, back).real
+        # E[p | y] = weight y by a solution for each line: with an explicit inverse of the nearly singular covariance at
+        # a resonance, rounding grows to 1e-4 of the noise in 60 steps
+        common = force @ back  # covariance of forces and signals
+        weight = np.linalg.solve(response @ common + np.diag(noise), common.conj().swapaxes(1, 2)).conj().swapaxes(1, 2)
+        measured = weight @ matrices
+        moment = (measured - common) @ weight.conj().swapaxes(1, 2) + force
+        left = density + (back.conj() * (moment @ back - 2 * measured)).real.sum(1)
         noise = np.maximum(share @ left, _LEAST_NOISE * power)
         force = np.tensordot(share, moment.real, 1)
         force = (force + force.T) / 2
