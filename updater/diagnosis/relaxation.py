@@ -106,7 +106,7 @@ def relaxed_with_body(search: EvidenceComparison, found: list[Candidate]) -> tup
             if form is None or body is None or (relaxed is search and {name, body.name} == {*found[0].names}):
                 continue
             both = (SelectedCause.begun(form), SelectedCause.begun(body))
-            fitted = Compositions(relaxed).converged_fit(both)
+            fitted = Compositions(relaxed).converged_fit(both, found[:1])
             if fitted is None or fitted.log_evidence < found[0].log_evidence + MUCH:
                 continue
             if fitted.earned(found):

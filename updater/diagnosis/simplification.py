@@ -109,7 +109,8 @@ def only_needed(
     several, needed = Compositions(weighing), candidate
     while len(candidate.chosen) >= _MANY and len(needed.chosen) > 1:
         removable = [k for k, name in enumerate(needed.names) if not CATALOGUE[name].of_the_file]
-        fitted = [several.coordinate_fit(needed.chosen[:k] + needed.chosen[k + 1 :]) for k in removable]
+        rest = [needed.chosen[:k] + needed.chosen[k + 1 :] for k in removable]
+        fitted = [several.likely_fit(chosen, needed.log_evidence) for chosen in rest]
         fewer = [c for c in fitted if c is not None and c.log_evidence > needed.log_evidence and is_accepted(c)]
         if not fewer:
             break
