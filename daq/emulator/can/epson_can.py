@@ -67,7 +67,8 @@ class EmulatedEpsonCan:
         self._train, self._train_first = 0, 0  # SYNC of sampling: number since the start, and the first one received
         self._due = 0
         self._rate = 1000.0
-        self._next_beat: int | None = None  # [ns UTC]
+        #: [s of wall time], in which the host waits for it, also while an accelerated world stops
+        self._next_beat: float | None = None
         self.sent = 0  #: scans handed to the adapter
         self.dropped = 0  #: scans that found it full or closed
 
@@ -137,17 +138,17 @@ class EmulatedEpsonCan:
             produces = self._objects[epson.SYNC_COB] & epson.SYNC_PRODUCER
             self._producer.start(self._objects[epson.SYNC_PERIOD]) if produces else self._producer.stop()
         elif place == epson.HEARTBEAT:
-            self._next_beat = self._clock.now() if self._objects[epson.HEARTBEAT] else None
+            self._next_beat = time.monotonic() if self._objects[epson.HEARTBEAT] else None
 
     def beats(self) -> list[Frame]:
         """Return unprompted frames: the heartbeat if it is due, emergencies."""
         if self._dead:
             return []
         waiting, self._unsent = self._unsent, []
-        now = self._clock.now()
+        now = time.monotonic()
         if self._next_beat is None or now < self._next_beat:
             return waiting
-        self._next_beat = now + self._objects[epson.HEARTBEAT] * 1_000_000
+        self._next_beat = now + self._objects[epson.HEARTBEAT] / 1000
         return [*waiting, (_HEARTBEAT + self.node, bytes([self._state]))]
 
     def syncs(self) -> Syncs:

@@ -165,6 +165,28 @@ def test_accelerated_rig_waits_for_readers_that_are_held_up(tmp_path: Path) -> N
     assert all(n_missing(scans(items, name)) == 0 for name in found["ports"])
 
 
+def test_no_device_is_lost_while_the_world_is_held(tmp_path: Path) -> None:
+    """A demonstration holds its world while the analysis is behind; nodes of a bus count as lost after 1 s."""
+    scenario = draw_t_frame("t_structure", 33, duration=0, between=None)
+    assert any(device.node is not None for device in scenario.device)
+    with rig(tmp_path, scenario) as process:
+        found = process.ready()
+        world = SharedTime(Path(found["clock"]["shared"]))
+        with reading(found["ports"], ScaledClock(**found["clock"])) as items:
+            for n_scans, seconds in ((3000, 2.5), (6000, 0.0)):
+                end = time.monotonic() + _READY_SECONDS
+                while time.monotonic() < end and not all(_reached(items, name, n_scans) for name in found["ports"]):
+                    time.sleep(0.1)
+                world.hold(seconds)
+                time.sleep(seconds)
+            lost = [item for item in items if isinstance(item, Event) and item.topic == "/event/device_failed"]
+            process.process.send_signal(signal.SIGTERM)
+            report = process.report()
+    assert report["dropped"] == 0
+    assert not lost
+    assert all(_reached(items, name, 6000) for name in found["ports"])
+
+
 def test_rig_and_reader_share_one_time_scale(tmp_path: Path) -> None:
     scenario = nominal(5)
     report, items, clock = played(tmp_path, scenario, 12_000)
