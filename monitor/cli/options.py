@@ -1,8 +1,8 @@
 """Arguments and options that several commands have, and exit codes."""
 
-import os
 import sys
 from pathlib import Path
+from shutil import get_terminal_size
 from textwrap import fill
 from typing import Annotated, TextIO
 
@@ -81,11 +81,11 @@ KINDS = ("cantilever", "beam", "portal", "storeys", "t-frame")
 MATERIALS = ("steel", "aluminium", "concrete", "timber")
 
 
-def divided(text: str, stream: TextIO) -> str:
+def divided(text: str, stream: TextIO | None) -> str:
     """Return a text for a stream; long lines are divided between words, where a terminal would divide them anywhere."""
-    if not stream.isatty():
+    if stream is None or not stream.isatty():
         return text
-    width = os.get_terminal_size(stream.fileno()).columns or 80  # 0: a terminal that has not been given a size
+    width = get_terminal_size().columns
     return "\n".join(_divided_line(line, width) for line in text.split("\n"))
 
 

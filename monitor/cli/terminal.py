@@ -19,7 +19,7 @@ from rich.text import Text
 from daq import AnyLog, LogError, LogExcerpt
 from daq.bounded_text import printable
 from daq.log import files_of, log_span, progress_reported_to
-from monitor.cli.options import divided
+from monitor.cli.options import divided, echo_error
 from monitor.errors import StartError
 
 _FILE_COLUMNS = 1000  # of lines that no terminal shows
@@ -56,15 +56,20 @@ def keep_stdout_free() -> None:
     console.stderr = True
 
 
-def echo(text: str, *, nl: bool = True, err: bool = False) -> None:
+def echo(text: str, *, nl: bool = True, divide: bool = False) -> None:
     """Print a text without markup, its control characters as escapes; above a progress bar that is shown.
 
-    A terminal shows lines that are divided between words.
+    Parameters
+    ----------
+    text : for persons, or to be copied
+    nl : ends the last line
+    divide : a terminal gets lines that are divided between words: not for commands and settings, which are copied
     """
-    text = divided(printable(text), sys.stderr if err or console.stderr else sys.stdout)
+    text = printable(text)
+    if divide:
+        text = divided(text, sys.stderr if console.stderr else sys.stdout)
     stdout, is_bar_shown = sys.stdout, isinstance(sys.stdout, FileProxy)  # behind it is the stream that typer prints to
-    other = err or console.stderr
-    typer.echo(text, file=stdout if is_bar_shown and not other else None, nl=nl, err=other)
+    typer.echo(text, file=stdout if is_bar_shown and not console.stderr else None, nl=nl, err=console.stderr)
 
 
 def warn(text: str) -> None:
@@ -90,7 +95,7 @@ class TimeColumn(ProgressColumn):
 def start_error(reasons: Sequence[str]) -> StartError:
     """Print all reasons but the last, one per line, and return the error with the last one."""
     for reason in reasons[:-1]:
-        echo(f"error: {reason}", err=True)
+        echo_error(f"error: {printable(reason)}")
     return StartError(reasons[-1])
 
 

@@ -6,7 +6,7 @@ result, such as the increments of all nodes. Texts are not compared, because the
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -92,6 +92,11 @@ def _name(result: Result) -> str:
     return f"alarm state {result.state!r}" if isinstance(result, AlarmResult) else "the self-test"
 
 
+def _missing(values: Iterable[Path], path: Path) -> str:
+    """Return what is in place of a value that a result does not have."""
+    return "several values" if any(other[: len(path)] == path for other in values) else "absent"
+
+
 def _differences(name: str, found: Any, live: Any) -> Iterator[Difference]:  # noqa: ANN401 - JSON values
     values, expected = dict(_flat(found)), dict(_flat(live))
     largest: dict[Path, float] = {}
@@ -105,7 +110,7 @@ def _differences(name: str, found: Any, live: Any) -> Iterator[Difference]:  # n
         relative = math.inf
         if _is_number(value) and _is_number(other):
             relative = abs(other - value) / max(largest[_kind(path)], abs(other))
-        shown = None if other is _MISSING else other
+        shown = _missing(values, path) if other is _MISSING else other
         yield Difference(result=name, value=".".join(map(str, path)), found=shown, live=value, relative=float(relative))
 
 

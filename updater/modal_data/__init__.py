@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from updater.modal_data.plausibility import check_event as check_event
     from updater.modal_data.plausibility import check_unit as check_unit
     from updater.modal_data.plausibility import doubles as doubles
+    from updater.modal_data.plausibility import doubles_since as doubles_since
     from updater.modal_data.scatter import USUAL_OVERDISPERSION as USUAL_OVERDISPERSION
     from updater.modal_data.scatter import BaselineModes as BaselineModes
     from updater.modal_data.scatter import Scatter as Scatter

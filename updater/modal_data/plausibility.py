@@ -38,8 +38,17 @@ def doubles(modes: ModalMean) -> IndexArray:
     ----------
     modes : (n_tracks,)
     """
-    unknown = (modes.shape_std**2).sum(1)
-    return np.unique([max(pair, key=lambda track: unknown[track]) for pair in _alike(modes)]).astype(np.intp)
+    return _less_certain(modes, _alike(modes))
+
+
+def doubles_since(baseline: ModalMean, event: ModalMean) -> IndexArray:
+    """Return the tracks (n_doubles,) of an event that have the mode of another track, which the baseline separates.
+
+    Parameters
+    ----------
+    baseline, event : as for `check_event`, which refuses such an event
+    """
+    return _less_certain(event, _now_alike(baseline, event))
 
 
 def check_event(baseline: ModalMean, event: ModalMean) -> None:
@@ -64,10 +73,8 @@ def check_event(baseline: ModalMean, event: ModalMean) -> None:
             raise ModalDataError(
                 f"frequencies: expected hertz, found {np.exp(ratio):.4g} times the baseline's: are they in {unit}?"
             )
-    once = mac_matrix(baseline.shape, baseline.shape)
-    for one, other in _alike(event):
-        if once[one, other] < _SAME_MAC:  # the sensors separate the two, and now measure one
-            _refuse_doubled(event, one, other)
+    for one, other in _now_alike(baseline, event):
+        _refuse_doubled(event, one, other)
 
 
 def _refuse_doubled(modes: ModalMean, one: int, other: int) -> None:
@@ -75,6 +82,18 @@ def _refuse_doubled(modes: ModalMean, one: int, other: int) -> None:
     raise ModalDataError(
         f"tracks {one} and {other} are one mode twice: {both[0]:.5g} and {both[1]:.5g} Hz with the same shape"
     )
+
+
+def _less_certain(modes: ModalMean, pairs: list[tuple[int, int]]) -> IndexArray:
+    """Return of each pair of tracks the one whose shape is less certain."""
+    unknown = (modes.shape_std**2).sum(1)
+    return np.unique([max(pair, key=lambda track: unknown[track]) for pair in pairs]).astype(np.intp)
+
+
+def _now_alike(baseline: ModalMean, event: ModalMean) -> list[tuple[int, int]]:
+    """Return pairs of tracks that agree in an event, and of which the sensors separate the shapes in the baseline."""
+    once = mac_matrix(baseline.shape, baseline.shape)
+    return [(one, other) for one, other in _alike(event) if once[one, other] < _SAME_MAC]
 
 
 def _alike(modes: ModalMean) -> list[tuple[int, int]]:

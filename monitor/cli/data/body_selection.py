@@ -26,13 +26,14 @@ def identify_bodies(path: Path, json_path: Path | None) -> int:
         result = select_known_bodies(path)
     if json_path:
         write_json(json_path, bodies_json(result))
-    echo(_answer_text(result))
+    echo(_answer_text(result), divide=True)
     for table in (_sets_table(result), _bodies_table(result), _records_table(result)):
         console.print(table)
     found = result.selection
     echo(
         f"scatter between records per mode [%]: {', '.join(f'{100 * s:.2g}' for s in found.scatter)}; "
-        f"model error: {100 * found.model_error:.2g} % of a mode's displacement"
+        f"model error: {100 * found.model_error:.2g} % of a mode's displacement",
+        divide=True,
     )
     return DONE if result.verdict in {"explained", "nothing_to_explain"} else NEEDS_A_PERSON
 

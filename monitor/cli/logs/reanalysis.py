@@ -137,10 +137,10 @@ def _say(about: AnalysedLog) -> None:
     else:
         text = f"{about.site}: {about.log.name}: {counted(about.n_windows, 'window')}"
         text += (", identified by an earlier run" if about.kept else "") + (f"; {problem}" if problem else "")
-    echo(text)
+    echo(text, divide=True)
     for alarm in about.alarms:
         if alarm.state == "alarm" and not alarm.quiet:
-            echo(f"    {alarm.text}")
+            echo(f"    {alarm.text}", divide=True)
 
 
 def _without_name(problem: str, log: ArchiveLog | LogPiece) -> str:

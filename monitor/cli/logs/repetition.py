@@ -62,7 +62,7 @@ def replay_log(
     if not report.from_beginning:
         warn("note: not compared with the live results: the baseline is learned from the start of the range")
     if report.logged and not (site or given):
-        echo(report.comparison.text)
+        echo(report.comparison.text, divide=True)
     return _exit_code(report.found)
 
 

@@ -40,7 +40,7 @@ def accept(
     if not cause.strip():
         raise ArgumentError("--reason", "expected what the change is, such as 'pump, 150 g'")
     found = active_alarm(loaded, alarm)
-    echo(f"the alarm of {utc(found.raised)}: {found.text}")
+    echo(f"the alarm of {utc(found.raised)}: {found.text}", divide=True)
     echo(f"is to be accepted as {cause!r}")
     send_command(loaded, Acceptance(cause=cause, by=by, alarm=found.raised))
     return DONE

@@ -21,6 +21,6 @@ def acknowledge(site: Site, by: Person = "", note: Annotated[str, Option(metavar
 
     loaded = load_site(site)
     found = active_alarm_if_known(loaded)
-    echo(f"the alarm of {utc(found.raised)}: {found.text}" if found else "the history has no active alarm")
+    echo(f"the alarm of {utc(found.raised)}: {found.text}" if found else "the history has no active alarm", divide=True)
     send_command(loaded, Acknowledgement(by=by, note=note))
     return DONE

@@ -89,7 +89,7 @@ def print_history(found: Found) -> None:
     newest = f"; the newest {utc(found.newest)}" if found.newest < found.span.end else ""
     console.print(f"{utc(found.span.start)} to {utc(found.span.end)}")
     counts = f"{windows.number} windows, {windows.judged} judged, {windows.over} over the limit"
-    echo(f"{counts}{newest}")
+    echo(f"{counts}{newest}", divide=True)
     console.print(f"state: {found.state}")
     console.print(_self_tests(found.self_tests))
     _say_alarms(found.alarms)
@@ -119,7 +119,7 @@ def _say_alarms(alarms: list[AlarmRow]) -> None:
         again = f", reopened {alarm.reopened} times" if alarm.reopened else ""
         known = f"acknowledged {utc(alarm.acknowledged)}" if alarm.acknowledged else "not acknowledged"
         echo(f"  {utc(alarm.raised)}   {lasted}{again}, {known}")
-        echo(f"    {alarm.text}")
+        echo(f"    {alarm.text}", divide=True)
     if alarms:
         console.print()
 

@@ -31,6 +31,7 @@ from updater.modal_data import (
     BaselineModes,
     SynchronizedWindows,
     choose_tracks,
+    doubles_since,
     learn_baseline_modes,
     remove_device_delays,
 )
@@ -77,9 +78,18 @@ class LearnedBaseline:
         return self.tracker.assign(estimate)[self.watched]
 
     def mean_of(self, windows: Sequence[Window]) -> ModalMean:
-        """Return the mean of the watched modes in windows."""
-        tracks = [self.modes_of(window.synchronized) for window in windows]
-        return self.modes.scatter.mean(stack_tracks([window.synchronized for window in windows], tracks))
+        """Return the mean of the watched modes in windows; a track that has the mode of another one has none.
+
+        Where a change brings two modes together, one of them may be identified twice.
+        """
+        estimates = [window.synchronized for window in windows]
+        tracks = np.array([self.modes_of(estimate) for estimate in estimates])
+        mean = self.modes.scatter.mean(stack_tracks(estimates, list(tracks)))
+        doubled = doubles_since(self.modes.mean, mean)
+        if not len(doubled):
+            return mean
+        tracks[:, doubled] = -1
+        return self.modes.scatter.mean(stack_tracks(estimates, list(tracks)))
 
     def judge(self, window: Window) -> Novelty:
         """Judge a window, which the detectors remember."""

@@ -4,8 +4,8 @@ import os
 import pty
 import subprocess
 import sys
-import termios
 import tomllib
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -57,14 +57,35 @@ def test_error_is_divided_between_words_in_a_terminal_only(
     echo_error(text)
     assert capsys.readouterr().err == f"{text}\n"
     master, slave = pty.openpty()
-    termios.tcsetwinsize(slave, (24, 40))
     with os.fdopen(master, "rb") as screen, os.fdopen(slave, "w") as terminal:
         monkeypatch.setattr(sys, "stderr", terminal)
+        monkeypatch.setenv("COLUMNS", "40")
         echo_error(text)
         lines = screen.read1(1000).decode().splitlines()
     assert len(lines) > 1
     assert max(map(len, lines)) <= 40
     assert " ".join(lines) == text
+
+
+def test_errors_and_settings_without_standard_streams() -> None:
+    """A service may have none: the exit code is the same."""
+    for arguments, code in (("log info /nonexistent.mcap 2>&-", 2), ("settings >&-", 0)):
+        command = f"exec \"$0\" -c 'from monitor.cli.main import main; main()' {arguments}"
+        done = subprocess.run(["sh", "-c", command, sys.executable], timeout=60, check=False, stdin=subprocess.DEVNULL)
+        assert done.returncode == code, arguments
+
+
+def test_settings_can_be_copied_from_a_terminal() -> None:
+    pid, screen = pty.fork()
+    if not pid:
+        os.execvpe(MODALWATCH[0], [*MODALWATCH, "settings"], {**os.environ, "COLUMNS": "80"})
+    shown = b""
+    with suppress(OSError):  # the terminal ends with the process
+        while part := os.read(screen, 65536):
+            shown += part
+    os.close(screen)
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+    assert "device" in tomllib.loads(shown.decode().replace("\r\n", "\n"))
 
 
 def test_run_exits_3_if_a_device_does_not_respond(tmp_path: Path, modalwatch: Commands) -> None:

@@ -101,14 +101,15 @@ def _say(out: Path, recordings: Sequence[Recording], parts: Sequence[Measured], 
     seconds, rate = sum(recording.duration for recording in recordings), recordings[0].rate
     echo(
         f"{out}: {counted(len(recordings[0].channels), 'channel')}, {seconds:.6g} s at {rate:.6g} Hz, "
-        f"{counted(len(gaps), 'gap')} ({counted(missing, 'sample')}){level(recordings)}"
+        f"{counted(len(gaps), 'gap')} ({counted(missing, 'sample')}){level(recordings)}",
+        divide=True,
     )
     if len(recordings) > 1:
-        echo(_sequence(recordings))
+        echo(_sequence(recordings), divide=True)
     if new_site is not None:
         echo(f"written: {new_site}, to be edited: `modalwatch replay {out} --site {new_site}` monitors the log")
     for remark in parts[0].remarks:
-        echo(f"{'first file: ' if len(parts) > 1 else ''}{remark}")
+        echo(f"{'first file: ' if len(parts) > 1 else ''}{remark}", divide=True)
 
 
 def _sequence(recordings: Sequence[Recording]) -> str:
