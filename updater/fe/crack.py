@@ -125,7 +125,6 @@ class ModalCrack:
         Earthquake Engineering & Structural Dynamics 10(6), 813-821.
         """
         hinge = _Hinge.of(crack, model, modes)
-        _check_mean(crack, hinge)
         static = factorise(model.stiffness)(hinge.row)
         shape = static - modes.shape @ (modes.shape.T @ (model.mass @ static))
         stiffness = float(shape @ (model.stiffness @ shape))
@@ -140,16 +139,6 @@ class ModalCrack:
             action=hinge.row @ modes.shape,
             opens=crack.side * crack.moment / float(np.sqrt(_rigidity(crack, model))),
             stiffness=hinge.stiffness,
-        )
-
-
-def _check_mean(crack: Crack, hinge: "_Hinge") -> None:
-    """Check that the flexible part has what a crack lacks of its mean flexibility while it is closed."""
-    own, least = 1 / hinge.stiffness, crack.mean - min(crack.closed, crack.flexibility)
-    if own <= least:
-        raise ModelError(
-            f"breathing_crack of {crack.member}: expected more than {least:.4g} m of its mean flexibility in a "
-            f"segment, support or joint at its place, found {own:.4g} m"
         )
 
 
@@ -170,7 +159,8 @@ class _Hinge:
     def of(cls, crack: Crack, model: Model, modes: Modes) -> "_Hinge":
         """Return the hinge in the element at the place; one with a mean flexibility in the softest part there.
 
-        Such a part is a segment of the member, or a spring of a support or of a joint.
+        Such a part is a segment of the member, or a spring of a support or of a joint. It has more flexibility than the
+        crack lacks of its mean while it is closed.
         """
         member = model.structure.member_named(crack.member)
         span, start = element_at(model, member, crack.distance)
@@ -178,7 +168,14 @@ class _Hinge:
         in_element = cls._in_elements(crack, model, [(span, share, 1.0)])
         if not crack.mean:
             return in_element
-        parts = [*cls._in_segments(crack, model, member), *in_element.in_springs(crack, model, modes), in_element]
+        parts = [*cls._in_segments(crack, model, member), *in_element.in_springs(crack, model, modes)]
+        least = crack.mean - min(crack.closed, crack.flexibility)
+        own = max((1 / hinge.stiffness for hinge in parts), default=0.0)
+        if own <= least:
+            raise ModelError(
+                f"breathing_crack of {crack.member}: expected more than {least:.4g} m of its mean flexibility in a "
+                f"segment, support or joint at its place, found {own:.4g} m"
+            )
         return min(parts, key=lambda hinge: hinge.stiffness)
 
     @classmethod

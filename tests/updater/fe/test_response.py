@@ -224,6 +224,8 @@ def test_crack_without_its_mean_flexibility_in_the_file_is_refused() -> None:
     structure = _with_segment(0.02)
     with pytest.raises(ModelError, match=r"breathing_crack of beam: expected more than 0.1 m .*, found 0.07 m"):
         _frequencies(replace(_IN_BEAM, closed=0.0, mean=0.1), structure)
+    with pytest.raises(ModelError, match=r"expected more than 0.01 m .*, found 0 m"):  # it is not in a sound member
+        _frequencies(replace(_IN_BEAM, closed=0.0, mean=0.01), _portal(2))
 
 
 def _portal(feet: int) -> Structure:
