@@ -294,7 +294,7 @@ class Compositions:
         Parameters
         ----------
         promises : all predictions, the best first
-        known : other pairs; fits that cannot exceed them are not refined
+        known : other fits; fits that cannot exceed them are not refined
         """
         tried = [common(p.names) for p in self._worth_fitting(promises)]
         others: dict[tuple[str, ...], PredictedCandidate] = {}

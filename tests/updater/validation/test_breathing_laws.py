@@ -79,3 +79,9 @@ def test_tables_of_the_expected_excess_equal_its_integral(std: float) -> None:
     positive = stats.norm.cdf(above / std)
     np.testing.assert_allclose(excess, above * positive + std * stats.norm.pdf(above / std), atol=1e-7 * std)
     assert often == pytest.approx(positive.mean(), abs=1e-7)
+
+
+def test_excess_without_an_unknown_part() -> None:
+    excess, often = _expected_excess(np.array([-1.0, 0.0, 2.0]), 0.0)
+    assert excess.tolist() == [0.0, 0.0, 2.0]
+    assert often == pytest.approx(1 / 3)

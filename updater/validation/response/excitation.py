@@ -94,7 +94,7 @@ def estimate_excitation(
     force = np.eye(len(system.frequency)) * power.sum() / (share @ (np.abs(response) ** 2).sum((1, 2)))
     for _ in range(_ITERATIONS):
         # E[p | y] = weight y by a solution for each line: with an explicit inverse of the nearly singular covariance at
-        # a resonance, rounding grows to 1e-4 of the noise in 60 steps
+        # a resonance, rounding grows to 2e-4 of the noise in 60 steps
         common = force @ back  # covariance of forces and signals
         weight = np.linalg.solve(response @ common + np.diag(noise), common.conj().swapaxes(1, 2)).conj().swapaxes(1, 2)
         measured = weight @ matrices
