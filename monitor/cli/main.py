@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from monitor.cli.commands import CommandGroup
-from monitor.cli.options import DONE, INTERRUPTED, WRONG_INPUT, echo_error, explain
+from monitor.cli.lines import echo_error
+from monitor.cli.options import DONE, INTERRUPTED, WRONG_INPUT, explain
 
 if TYPE_CHECKING:
     from typer._click.exceptions import UsageError

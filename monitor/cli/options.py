@@ -1,14 +1,12 @@
 """Arguments and options that several commands have, and exit codes."""
 
-import sys
 from pathlib import Path
-from shutil import get_terminal_size
-from textwrap import fill
-from typing import Annotated, TextIO
+from typing import Annotated
 
-import typer
 from typer import Argument, Option
 from typer.models import OptionInfo
+
+from monitor.cli.lines import echo_error
 
 DONE, NEEDS_A_PERSON, WRONG_INPUT, COULD_NOT_START, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130  #: exit codes
 METHODS = ("ssi-data", "ssi-cov", "plscf", "fdd", "efdd", "fsdd")  #: names of `oma.METHODS`, without importing it
@@ -79,24 +77,6 @@ def one_of(option: str, values: tuple[str, ...], text: str) -> OptionInfo:
 
 KINDS = ("cantilever", "beam", "portal", "storeys", "t-frame")
 MATERIALS = ("steel", "aluminium", "concrete", "timber")
-
-
-def divided(text: str, stream: TextIO | None) -> str:
-    """Return a text for a stream; long lines are divided between words, where a terminal would divide them anywhere."""
-    if stream is None or not stream.isatty():
-        return text
-    width = get_terminal_size().columns
-    return "\n".join(_divided_line(line, width) for line in text.split("\n"))
-
-
-def _divided_line(line: str, width: int) -> str:
-    indent = line[: len(line) - len(line.lstrip())]
-    return fill(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
-
-
-def echo_error(text: str) -> None:
-    """Print an error, in one line where that is no terminal."""
-    typer.echo(divided(text, sys.stderr), err=True)
 
 
 def explain(error: Exception, *, debug: bool) -> int:

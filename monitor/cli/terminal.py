@@ -19,7 +19,7 @@ from rich.text import Text
 from daq import AnyLog, LogError, LogExcerpt
 from daq.bounded_text import printable
 from daq.log import files_of, log_span, progress_reported_to
-from monitor.cli.options import divided, echo_error
+from monitor.cli.lines import divided, echo_error
 from monitor.errors import StartError
 
 _FILE_COLUMNS = 1000  # of lines that no terminal shows

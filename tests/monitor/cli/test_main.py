@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor.cli.options import echo_error
+from monitor.cli.lines import echo_error
 from tests.support.monitor.cli import Commands, assert_refused
 
 MODALWATCH = [sys.executable, "-c", "from monitor.cli.main import main; main()"]
