@@ -145,7 +145,7 @@ class SignalWindow:
         self._noise = 0.5 * self.n * rate * noise[self._nearest(segment)]  #: (n_lines,) power in each channel
         self._first = state, self._force(state)  #: model by which spectra are whitened first
         self._kept = list(self._new_roots()) if len(self._lines) * data.shape[1] ** 2 <= _KEPT else None
-        self._data = self._signal(self._prewhitened(self._measured))
+        self._data = self.signal(self._prewhitened(self._measured))
         halves = np.array_split(np.arange(self.n), 2)
         self._fades = [self._faded(half) for half in halves]
         self._inverses = [self._inverse_spectrum(self._data[half]) for half in halves[::-1]]
@@ -153,7 +153,7 @@ class SignalWindow:
         self._target = np.zeros((len(self._lines), data.shape[1]), complex)
         for half, fade in enumerate(self._fades):
             whitened = self._whitened(half, self._spectrum(fade[:, None] * self._data))
-            self._target += self._spectrum(fade[:, None] * self._signal(whitened))
+            self._target += self._spectrum(fade[:, None] * self.signal(whitened))
         #: (n_parts,) mean power of the whitened signals in each part: forces may not be stationary
         self._power = self._parts_of(np.concatenate([self._white_power(k, half) for k, half in enumerate(halves)]))
 
@@ -256,14 +256,14 @@ class SignalWindow:
         own = [(signals.conj() * self._whitened(half, signals)).sum(1).real for half in range(len(self._fades))]
         return (signals.conj() * self._target).sum(1), np.sqrt(np.maximum(own, 0.0))
 
-    def products(self, one: ComplexArray, other: ComplexArray) -> FloatArray:
-        """Return the sums (n_blocks,) over blocks of time of the product of two signals."""
-        return self._sums(self._signal(one) * self._signal(other))
+    def products(self, spectrum: ComplexArray, signal: FloatArray) -> FloatArray:
+        """Return the sums (n_blocks,) over blocks of time of a signal of a spectrum times another one (n_samples,)."""
+        return self._sums(self.signal(spectrum) * signal)
 
     def squares(self, spectra: ComplexArray) -> FloatArray:
         """Return the sums (n_blocks,) over blocks of time of squares of faded signals, each half's own (2, n_lines)."""
         halves = zip(self._fades, spectra, strict=True)
-        return self._sums(np.sum([(fade * self._signal(spectrum)) ** 2 for fade, spectrum in halves], axis=0))
+        return self._sums(np.sum([(fade * self.signal(spectrum)) ** 2 for fade, spectrum in halves], axis=0))
 
     def _sums(self, signal: FloatArray) -> FloatArray:
         """Return sums (n_blocks,) of a signal that is weighted by the inverse power of its part."""
@@ -310,7 +310,7 @@ class SignalWindow:
         inverse, nearest = self._inverses[half]
         root, spectrum = np.linalg.cholesky(inverse).conj().swapaxes(1, 2), self._spectrum(self._data)
         white = [(root[nearest[part]] @ spectrum[part, :, None])[:, :, 0] for part in self._parts()]
-        return np.asarray((self._signal(np.concatenate(white))[samples] ** 2).sum(1))
+        return np.asarray((self.signal(np.concatenate(white))[samples] ** 2).sum(1))
 
     def _inverse_spectrum(self, data: FloatArray) -> tuple[ComplexArray, IndexArray]:
         """Return the inverse of the spectral matrix of some samples at its own lines, and the nearest to each line."""
@@ -335,7 +335,8 @@ class SignalWindow:
     def _spectrum(self, data: FloatArray) -> ComplexArray:
         return np.asarray(scipy.fft.rfft(data, axis=0)[self._band])
 
-    def _signal(self, spectrum: ComplexArray) -> FloatArray:
+    def signal(self, spectrum: ComplexArray) -> FloatArray:
+        """Return the signal (n_samples, ...) of a spectrum (n_lines, ...), zero outside of the band."""
         whole = np.zeros((self.n // 2 + 1, *spectrum.shape[1:]), complex)
         whole[self._band] = spectrum
         return np.asarray(scipy.fft.irfft(whole, self.n, axis=0))
@@ -443,7 +444,8 @@ class ActionTest:
         motion, force = modal_motion
         known, of_modes = motion @ action.value, state.of_displacements(action.value)
         self._moment, self._unknown = window.fine(known), window.unknown_part(state, of_modes, force, known)
-        self._product, self._own = window.response(state, of_modes)
+        product, self._own = window.response(state, of_modes)
+        self._product = window.signal(product)
         self.moment_std = float(self._moment.std())  #: of the known part
         self.symmetric = False  #: whether it opens, or closes, on both sides of zero alike
         self._estimate()
@@ -595,7 +597,7 @@ _STEPS = 1 << 13  # of the tables on each side of zero: linear between them, the
 _SCORE = np.linspace(-_REACH, _REACH, 2 * _STEPS + 1)
 _POSITIVE = scipy.special.ndtr(_SCORE)
 _EXCESS = _SCORE * _POSITIVE + np.exp(-0.5 * _SCORE**2) / np.sqrt(2 * np.pi)
-_POSITIVE_RISE, _EXCESS_RISE = (np.diff(table, append=table[-1]) for table in (_POSITIVE, _EXCESS))
+_POSITIVE_TABLE, _EXCESS_TABLE = ((table, np.diff(table, append=table[-1])) for table in (_POSITIVE, _EXCESS))
 
 
 def _expected_excess(above: FloatArray, std: float) -> tuple[FloatArray, float]:
@@ -605,9 +607,20 @@ def _expected_excess(above: FloatArray, std: float) -> tuple[FloatArray, float]:
     """
     if not std:
         return np.maximum(above, 0.0), float((above > 0).mean())
-    place = np.clip(above * (_STEPS / (_REACH * std)) + _STEPS, 0.0, 2.0 * _STEPS)
+    place = above * (_STEPS / (_REACH * std))
+    place += _STEPS
+    np.clip(place, 0.0, 2.0 * _STEPS, out=place)
     row = place.astype(np.intp)
     place -= row
-    positive = _POSITIVE[row] + place * _POSITIVE_RISE[row]
-    excess = _EXCESS[row] + place * _EXCESS_RISE[row]
-    return np.maximum(std * excess, above), float(positive.mean())
+    positive, excess = (_interpolated(table, row, place) for table in (_POSITIVE_TABLE, _EXCESS_TABLE))
+    excess *= std
+    return np.maximum(excess, above, out=excess), float(positive.mean())
+
+
+def _interpolated(table: tuple[FloatArray, FloatArray], row: IndexArray, place: FloatArray) -> FloatArray:
+    """Return values of a table and of its rise (n_rows,), at places (n,) in [0, 1] behind rows."""
+    value, rise = table
+    found = rise.take(row)
+    found *= place
+    found += value.take(row)
+    return found
