@@ -35,10 +35,11 @@ def chunk(name: bytes, data: bytes, size: int) -> tuple[int, bytes]:
     return 6, head + name + struct.pack("<Q", len(data)) + data
 
 
+BOMB = zstandard.compress(bytes(300 << 20))
 CHUNKS = [
     (chunk(b"zstd", zstandard.compress(bytes(64)), 6 * 10**9), "uncompressed size: expected up to"),
-    (chunk(b"zstd", zstandard.compress(bytes(300 << 20)), 300 << 20), "uncompressed size: expected up to"),
-    (chunk(b"zstd", zstandard.compress(bytes(300 << 20)), 1000), "expected 1000 bytes, found a frame of"),
+    (chunk(b"zstd", BOMB, 300 << 20), "uncompressed size: expected up to"),
+    (chunk(b"zstd", BOMB, 1000), "expected 1000 bytes, found a frame of"),
     (chunk(b"zstd", b"junk", 1000), "damaged before byte"),
     (chunk(b"lz4", b"\x04\x22\x4d\x18junk", 1000), "damaged before byte"),
     (chunk(b"lz4", b"junk", 1000), "damaged before byte"),

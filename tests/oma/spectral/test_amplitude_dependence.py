@@ -41,7 +41,7 @@ def pooled(recordings: list[Recording], low: float, high: float) -> AmplitudeDep
     return AmplitudeDependence.pooled([one for frequency, one in found(recordings) if low < frequency < high])
 
 
-@pytest.mark.parametrize(("modulation", "n"), few_of([(gusts, 12), (gusts, 25), (steady, 25)]))
+@pytest.mark.parametrize(("modulation", "n"), few_of([(gusts, 6), (gusts, 25), (steady, 25)]))
 def test_p_values_of_a_linear_building_are_uniform(modulation: Modulation, n: int) -> None:
     """Small p values are as frequent as they state, and no more frequent than a binomial at 0.1 % allows."""
     print(f"seeds from {SEED}")

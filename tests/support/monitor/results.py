@@ -169,8 +169,13 @@ class Site:
         grid = np.linspace(0, 1.3 * frequency[-1], 257)
         ratio, shape = grid[:, None] / frequency, self.channel_shape
         response = ratio**4 / ((1 - ratio**2) ** 2 + (2 * DAMPING * ratio) ** 2)
-        matrix = np.einsum("fm,mi,mj->fij", response, shape, shape) + 1e-2 * np.eye(shape.shape[1])
-        values = np.linalg.svd(matrix, compute_uv=False, hermitian=True)[:, :3].T
+        part = np.sqrt(response)[:, :, None] * shape
+        across = part.transpose(0, 2, 1)
+        # over modes or over channels, the values are the same but for zeros
+        matrix = part @ across if self.n_modes < shape.shape[1] else across @ part
+        largest = np.linalg.eigvalsh(matrix)[:, :-4:-1].T
+        values = np.full((3, len(grid)), 1e-2)
+        values[: len(largest)] += np.maximum(largest, 0.0)
         rng = np.random.default_rng(self.seed)
         order = np.repeat(np.arange(4, 44, 2), self.n_modes)
         spurious = rng.random(len(order)) < 2 / order

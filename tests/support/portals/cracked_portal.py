@@ -104,13 +104,30 @@ class CrackedPortal:
         near, far = self.change if opens == "within" else self.change[::-1]
         push = self.jump * (far - near) * threshold
         if near == far:
-            threshold = np.inf  # one spring
+            threshold = np.inf  # one spring, on which a slider sticks
         run = self._slide if opens == "slips" else self._run
         # numbers 0, 1 and -1, as the sides
         springs = _Spring(self, near, 0 * push), _Spring(self, far, push), _Spring(self, far, -push)
+        if near == far and opens != "slips":
+            motion, turned = self._linear(force, springs[0])
+            return motion[SETTLING * RATE * OVER :], turned[SETTLING * RATE * OVER :]
         done = [run(np.ascontiguousarray(own), threshold, opens, springs) for own in np.moveaxis(force, 2, 0)]
         motion, turned = (np.stack(each, axis=-1) for each in zip(*done, strict=True))
         return motion[SETTLING * RATE * OVER :], turned[SETTLING * RATE * OVER :]
+
+    def _linear(self, force: np.ndarray, spring: "_Spring") -> tuple[np.ndarray, np.ndarray]:
+        """Return what `run` does, of all windows at once with one spring, from the start of the forces on."""
+        n_steps, _, n_windows = force.shape
+        force = np.concatenate([force, np.zeros((-n_steps % BLOCK, *force.shape[1:]))])
+        motion = np.empty((len(force), len(self.at_sensors), n_windows))
+        turned = np.zeros((len(force) + 1, n_windows))
+        state, one = np.zeros((2 * len(self.square), n_windows)), np.ones((1, n_windows))
+        for k in range(0, len(force), BLOCK):
+            known = np.concatenate([state, force[k : k + BLOCK].reshape(-1, n_windows), one])
+            motion[k : k + BLOCK] = (spring.accelerations @ known).reshape(BLOCK, -1, n_windows)
+            turned[k + 1 : k + 1 + BLOCK] = spring.rotations @ known
+            state = spring.states[-1] @ known
+        return motion[:n_steps], turned[:n_steps]
 
     def _run(
         self, force: np.ndarray, threshold: float, opens: Opens, springs: tuple["_Spring", "_Spring", "_Spring"]
@@ -127,7 +144,7 @@ class CrackedPortal:
             after = spring.rotations @ known
             sides = side_of(after, threshold, opens)
             crossed = sides != side
-            whole = int(np.argmax(crossed)) if crossed.any() else BLOCK  # steps until the spring is another one
+            whole = int(crossed.argmax()) if crossed.any() else BLOCK  # steps until the spring is another one
             started = min(whole + 1, BLOCK)
             turned[k], turned[k + 1 : k + started] = rotation, after[: started - 1]
             motion[k : k + started] = (spring.accelerations[: started * motion.shape[1]] @ known).reshape(started, -1)
