@@ -49,6 +49,7 @@ from updater.structure import (
     stands_for_rigid,
     starts_rigid,
     wall_of,
+    walls_with_springs,
 )
 
 #: times the estimated error of a mesh: standard deviation of that part of the frequencies' error that has one factor
@@ -308,7 +309,7 @@ class _Data:
     measured: ModalMean  #: (n_tracks,)
     mesh_error: FloatArray  #: (n_modes,) of the structure as in the file
     n_modes: int  #: of a model that is roughly fitted
-    walls: list[ModelParameter]  #: springs of walls, where these are not taken as rigid
+    walls: list[ModelParameter]  #: springs of walls that the file has rigid, where these are not taken as rigid
 
     def pairs(self, knobs: list[ModelParameter], start: _Pairs) -> IndexArray:
         """Return the model mode (n_tracks,) of each track, -1 for none.
@@ -346,10 +347,10 @@ class _Data:
 def _with_walls(data: _Data, knobs: list[ModelParameter], file: _Pairs, rigid: _Fitted | None) -> _Fitted | None:
     """Return the fit with springs of walls if its evidence is much greater than with rigid walls, otherwise `rigid`.
 
-    The prior of a spring is about the flexibility of a plate, and modes that do not determine it leave it there: a
-    rigid joint would become soft. Both are fitted to the same modes, with the errors of walls that have the expected
-    springs, the one with rigid walls also from the parameters of the other: a local minimum is no evidence. These
-    modes are paired with the expected flexibility of the walls if more are paired then.
+    The prior of a spring is about the flexibility of a wall that bends, and modes that do not determine it leave it
+    there: a rigid joint would become soft. Both are fitted to the same modes, with the errors of walls that have the
+    expected springs, the one with rigid walls also from the parameters of the other: a local minimum is no evidence.
+    These modes are paired with the expected flexibility of the walls if more are paired then.
 
     Parameters
     ----------
@@ -479,10 +480,11 @@ class _Misfit:
         self._solved = lru_cache(2)(self._solve)  # a step that failed, and the parameters before it
 
     def _wall_error(self, walls: list[ModelParameter]) -> FloatArray:
-        """Return the relative error of the frequencies (n_tracks,) by walls with their expected springs."""
-        if not walls:
+        """Return the relative error of the frequencies (n_tracks,) by walls: the file's springs, and expected ones."""
+        structure = apply_parameters(self._structure, walls, np.array([w.mean for w in walls]))
+        if not walls_with_springs(structure):
             return np.zeros(len(self._measured.log_frequency))
-        model, modes, _ = self._paired(apply_parameters(self._structure, walls, np.array([w.mean for w in walls])))
+        model, modes, _ = self._paired(structure)
         return wall_error(model, modes)
 
     def _solve(self, *x: float) -> tuple[Model, Modes, IndexArray]:

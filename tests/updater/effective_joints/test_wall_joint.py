@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 
 from monitor.analysis.explanation import explain
+from oma import ModalEstimate
 from tests.support.portals.block_windows import change_is_found, measured_modes, prediction_errors
 from tests.support.portals.wall_specimens import draw_tubes
-from updater import Structure, build_model, dump_structure, parse_structure
+from tests.support.updater.frames import noisy_estimates, unmoved
+from updater import Structure, build_model, calibrate, dump_structure, mean_modes, parse_structure, stack_tracks
 from updater.reference import wall_error
 from updater.structure import (
+    TURNS,
     ModelParameter,
     apply_parameters,
+    flexibility_unit,
     model_parameters_of,
     physical_value,
     rounded,
@@ -22,7 +26,7 @@ from updater.structure import (
     wall_of,
 )
 
-N_USED, N_UNUSED = 8, 4
+N_USED, N_UNUSED, N_WINDOWS = 8, 4, 5
 CHORD = 'shape = "box"\nwidth = 0.06\nheight = 0.06\nthickness = 0.003'
 FILE = """
 name = "branch"
@@ -57,6 +61,8 @@ fixed = ["x", "y", "z", "rx", "ry", "rz"]
 """
 JOINT = '[[joint]]\nmember = "{}"\nat = [0, 0, 0.6]\nstiffness = {{ ry = 4e4 }}'
 BEYOND = 1.15 * (0.04 / 0.06) ** 2 * 0.03  # of the face [m]: by the square of the branch's share of the width
+THIN = CHORD.replace("0.003", "0.001")  # wall of 670 Hz; the eighth mode has 580 Hz
+FOOT = 5e6  # N m/rad
 TIP, ALONG, UP = (0.5, 0.0, 0.6), 0, 2
 
 
@@ -66,6 +72,20 @@ def structure_of(
     """Return a branch on a chord, of 0.5 m along x unless it goes another way [m]."""
     end = np.add((0.0, 0.0, 0.6), way).tolist()
     return parse_structure(FILE.format(chord=chord, width=width, end=end) + further)
+
+
+def measured_frame() -> Structure:
+    """Return the same on a foot that turns, with sensors on both members."""
+    sensors = "".join(
+        f'[[sensor]]\nchannel = "{x}_{z}_{axis}"\nat = [{x}, 0, {z}]\ndirection = {direction}\n'
+        for x, z in ((0.0, 0.5), (0.0, 1.0), (0.25, 0.6), (0.5, 0.6))
+        for axis, direction in (("x", [1, 0, 0]), ("y", [0, 1, 0]), ("z", [0, 0, 1]))
+    )
+    text = FILE.format(chord=THIN, width=0.04, end=[0.5, 0.0, 0.6]) + sensors
+    clamp = 'fixed = ["x", "y", "z", "rx", "ry", "rz"]'
+    return parse_structure(
+        text.replace(clamp, f'fixed = ["x", "y", "z", "rz"]\nstiffness = {{ rx = {FOOT:g}, ry = {FOOT:g} }}')
+    )
 
 
 def wall_parameters(structure: Structure) -> dict[str, ModelParameter]:
@@ -193,6 +213,36 @@ def test_error_of_a_wall_is_that_of_a_spring_whose_flexibility_rises_with_freque
         changed = build_model(apply_parameters(structure, knobs, softer)).modes(6).frequency[mode]
         assert (frequency / wall.frequency) ** 2 < 0.04
         assert np.log(frequency / changed) == pytest.approx(error, rel=0.04)
+
+
+def test_springs_that_the_file_has_are_calibrated_with_the_error_of_the_wall() -> None:
+    """The truth's foot is the file's; its springs soften with frequency, which a foot must not replace."""
+    structure = measured_frame()
+    written, windows = softening_springs(structure, N_USED)
+    measured = mean_modes(stack_tracks(windows, unmoved(N_WINDOWS)))
+    found = {parameter.name: parameter for parameter in calibrate(written, measured).parameters}
+    for axis in TURNS[:2]:
+        foot, true = found[f"support 0 flexibility {axis}"], flexibility_unit(structure, axis, (0, 0, 0)) / FOOT
+        print(axis, foot.value, foot.std, true)
+        assert abs(foot.value - true) < 2 * foot.std
+
+
+def softening_springs(structure: Structure, n: int) -> tuple[Structure, list[ModalEstimate]]:
+    """Return a file with springs, and windows of n modes whose springs are softer by the square of their frequency."""
+    knobs = list(wall_parameters(structure).values())
+    soft = np.array([knob.mean for knob in knobs])
+    wall = wall_of(structure, structure.member_named("branch"), (0.0, 0.0, 0.6))
+    assert wall is not None
+    written = apply_parameters(structure, knobs, soft)
+    model = build_model(written, shear_flexible=True, mass="consistent")
+    frequency, shape = model.modes(n).frequency, np.empty((n, len(structure.channels)))
+    for mode, share in enumerate((frequency / wall.frequency) ** 2):
+        changed = apply_parameters(structure, knobs, soft * (1 + share))
+        own = build_model(changed, shear_flexible=True, mass="consistent").modes(n)
+        seen = model.sensor_rows @ own.shape[:, mode]
+        frequency[mode], shape[mode] = own.frequency[mode], seen / np.linalg.norm(seen)
+    random = np.random.default_rng(1)
+    return written, noisy_estimates(frequency, shape, written.channels, N_WINDOWS, random, std=1e-4, shape_std=1e-3)
 
 
 def tip_flexibility(structure: Structure, way: int) -> float:
