@@ -11,7 +11,7 @@ import numpy as np
 
 from daq import FloatArray
 from updater.fe import Element, Model, Modes, parts_between
-from updater.structure import WALL_ACTIONS, WALL_AXES, Axis, Wall, walls_with_springs
+from updater.structure import WALL_ACTIONS, Axis, Wall, walls_with_springs
 
 _STEP = 1e-4  # of ln of a factor, in the finite difference of an element's matrix
 
@@ -51,6 +51,7 @@ def wall_error(model: Model, modes: Modes) -> FloatArray:
     """
     found = np.zeros(len(modes.omega))
     for wall in walls_with_springs(model.structure):
-        slope = sum(slope_by_spring(model, modes, wall, axis) for axis in WALL_AXES)
+        axes = wall.spring_axes(model.structure.segment)
+        slope = sum(slope_by_spring(model, modes, wall, axis) for axis in axes)
         found += slope * (modes.frequency / wall.frequency) ** 2
     return found

@@ -85,6 +85,10 @@ class Wall:
             return ()
         return tuple(axis for axis in WALL_AXES if math.dist(segment.at, self._middle(axis)) < ON_MEMBER)
 
+    def spring_axes(self, segments: tuple[Segment, ...]) -> list[Axis]:
+        """Return the axes of the springs that segments have."""
+        return [a for a in WALL_AXES if any(a in self.axes_of(s) and _factors(s)[a] != 1 for s in segments)]
+
     def _middle(self, axis: Axis) -> Vector:
         x, y, z = self.branch.point(self.start[axis] + self.extent / 2).round(_DIGITS).tolist()
         return x, y, z
@@ -92,6 +96,11 @@ class Wall:
     def _segment(self, at: Vector, factor: Mapping[Axis, float]) -> Segment:
         about_y, about_z, along = (factor.get(axis, 1.0) for axis in WALL_AXES)
         return Segment(member=self.branch.name, at=at, extent=self.extent, bending=(about_y, about_z), axial=along)
+
+
+def _factors(segment: Segment) -> dict[Axis, float]:
+    """Return the factors of a segment by the axes that springs of walls have [-]."""
+    return dict(zip(WALL_AXES, (*segment.bending, segment.axial), strict=True))
 
 
 def walls_of(structure: Structure) -> list[Wall]:
@@ -110,7 +119,7 @@ def walls_with_springs(structure: Structure) -> list[Wall]:
     names = {segment.member for segment in structure.segment}
     branches = [member for member in structure.member if member.name in names]
     found = (wall_of(structure, member, end) for member in branches for end in (member.start, member.end))
-    return [wall for wall in found if wall is not None and any(map(wall.axes_of, structure.segment))]
+    return [wall for wall in found if wall is not None and wall.spring_axes(structure.segment)]
 
 
 def _has_springs(structure: Structure, wall: Wall) -> bool:
@@ -257,7 +266,7 @@ def _changed(
     axes = wall.axes_of(segment) if wall is not None else ()
     if wall is None or not axes:
         return segment
-    factors = zip(WALL_AXES, (*segment.bending, segment.axial), strict=True)
+    factors = _factors(segment).items()
     about_y, about_z, along = (change[a](wall, own) if a in axes and a in change else own for a, own in factors)
     if (about_y, about_z, along) == (1.0, 1.0, 1.0):
         return None
