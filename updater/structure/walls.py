@@ -218,7 +218,7 @@ def _expected(
 
 
 def _thickness(section: Section) -> float:
-    """Return the thickness of a tube's wall [m]."""
+    """Return the area of a tube over its outer circumference [m]: its wall's thickness less a share of t / width."""
     assert section.edge is not None
     return section.area / ((2 * np.pi if section.round else 8) * sum(section.edge) / 2)
 
