@@ -250,7 +250,7 @@ def softening_springs(structure: Structure, n: int) -> tuple[Structure, list[Mod
 
 
 def test_frequency_of_a_wall_is_that_of_a_strip_of_solids() -> None:
-    """In plane strain, hinged at the middle of its edges. Area over outer circumference is t (1 - t / width), 5 % lower."""
+    """In plane strain, hinged at the middle of its edges. Area over circumference is t (1 - t / width)."""
     wall = wall_of(structure_of(), structure_of().member_named("branch"), (0.0, 0.0, 0.6))
     assert wall is not None
     width, thickness = 0.06, 0.003
