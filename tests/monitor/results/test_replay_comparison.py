@@ -69,3 +69,14 @@ def test_lists_of_different_length_differ() -> None:
     found = compare_results([*LIVE[:-1], last.model_copy(update={"modes": last.modes[:-1]})], LIVE)
     assert found.first is not None
     assert found.first.value == "modes.length"
+
+
+def test_values_in_place_of_one_are_named_so() -> None:
+    """An answer where the live run had none, and none where it had one."""
+    last = LIVE[-1]
+    assert last.answer
+    without = last.model_copy(update={"answer": None})
+    more = compare_results(LIVE, [*LIVE[:-1], without])
+    assert more.text.endswith("answer is several values, live None")
+    fewer = compare_results([*LIVE[:-1], without], LIVE)
+    assert "answer.member is absent, live " in fewer.text
