@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # its parts at their first use
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 from oma import ComplexArray
 from updater.fe.crack import Crack, ModalCrack
 from updater.fe.eigen import Modes
@@ -143,32 +143,43 @@ class _CrackedModes:
         now = np.concatenate([state.imag / pole.imag, (pole * state).imag / pole.imag])
         whole = [(steps[-1][:, : 2 * n], force @ steps[-1][:, 2 * n :].T) for steps, _, _ in self._sides]
         shift = self._sides[1][0][-1][:, 2 * n :] @ self._sides[1][2]
-        acceleration = np.empty_like(force)
+        forward, pushed = whole[1]
+        of_side = (whole[0], (forward, pushed + shift), (forward, pushed - shift))  # numbers 0, 1 and -1, as the sides
+        states, sides = np.empty((len(force) + 1, 2 * n)), np.empty(len(force), np.intp)
+        states[0] = now
         side, moment = self._side(now)
         for k, own in enumerate(force):
-            forward, pushed = whole[abs(side)]
+            forward, pushed = of_side[side]
             after = forward @ now + pushed[k]
-            if side:
-                after += side * shift
             reached, turned = self._side(after)
             if reached != side:
                 after = self._divided(now, own, (side, reached), (moment, turned))
                 reached, turned = self._side(after)
-            acceleration[k] = self._acceleration(now, after, own, reached, reached)
+            states[k + 1], sides[k] = after, reached
             now, side, moment = after, reached, turned
         q, dq = now[:n], now[n:]
-        return acceleration, dq - pole.real * q + 1j * pole.imag * q
+        return self._accelerations(states, force, sides, sides), dq - pole.real * q + 1j * pole.imag * q
 
-    def _acceleration(
-        self, before: FloatArray, now: FloatArray, force: FloatArray, side: int, push: float
+    def _accelerations(
+        self, states: FloatArray, force: FloatArray, side: IndexArray, push: FloatArray | IndexArray
     ) -> FloatArray:
-        """Return the accelerations (n_modes,) at the end of a sample; of the residual shape, its mean over the sample.
+        """Return the accelerations (n, n_modes) at the ends of samples; of the residual shape, its means over samples.
 
         The residual shape moves in pulses that are shorter than a sample, where a crack opens or closes.
+
+        Parameters
+        ----------
+        states : (n + 1, 2 n_modes) at the start and at the ends of the samples
+        force : (n, n_modes)
+        side : (n,) at the ends
+        push : (n,) constant modal force, over that of the far side
         """
-        n = len(self._action)
-        found = self._sides[abs(side)][1] @ now + force + push * self._sides[1][2]
-        found[self._n_damped :] = (now - before)[n + self._n_damped :] * self._rate
+        found = force + push[:, None] * self._sides[1][2]
+        for number, (_, rates, _) in enumerate(self._sides):
+            rows = np.abs(side) == number
+            found[rows] += states[1:][rows] @ rates.T
+        residual = len(self._action) + self._n_damped
+        found[:, self._n_damped :] = np.diff(states[:, residual:], axis=0) * self._rate
         return np.asarray(found)
 
     def _side(self, state: FloatArray) -> tuple[int, float]:
@@ -219,13 +230,13 @@ class _SlippingModes(_CrackedModes):
         """Return accelerations (n, n_modes) by modal forces (n, n_modes), and the state (n_modes,) afterwards."""
         n = len(pole)
         now = np.concatenate([state.imag / pole.imag, (pole * state).imag / pole.imag])
-        acceleration = np.empty_like(force)
+        states, sides, push = np.empty((len(force) + 1, 2 * n)), np.empty(len(force), np.intp), np.empty(len(force))
+        states[0] = now
         for k, own in enumerate(force):
-            after = self._sample(now, own)
-            acceleration[k] = self._acceleration(now, after, own, self._side_of_slip, self._push)
-            now = after
+            now = self._sample(now, own)
+            states[k + 1], sides[k], push[k] = now, self._side_of_slip, self._push
         q, dq = now[:n], now[n:]
-        return acceleration, dq - pole.real * q + 1j * pole.imag * q
+        return self._accelerations(states, force, sides, push), dq - pole.real * q + 1j * pole.imag * q
 
     @property
     def _push(self) -> float:
