@@ -323,5 +323,8 @@ def _within_bounds(
     farther = np.where(mean < 0.5, -high, low)
     inside = scipy.special.log_ndtr(nearer)
     inside += np.log1p(-np.exp(scipy.special.log_ndtr(farther) - inside))
-    found = scipy.stats.truncnorm(low, high, loc=mean, scale=std)
-    return log + inside, np.asarray(found.mean()), np.asarray(found.var())
+    # densities at the bounds; `scipy.stats.truncnorm` has the same moments, but computes them one by one
+    at_low, at_high = (np.exp(-0.5 * bound**2 - inside) / math.sqrt(2 * math.pi) for bound in (low, high))
+    shift = at_low - at_high
+    spread = 1 + low * at_low - high * at_high - shift**2
+    return log + inside, mean + std * shift, variance * np.maximum(spread, 0.0)
