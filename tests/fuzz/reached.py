@@ -20,8 +20,8 @@ ROOT = Path(__file__).parents[2]
 #: where files of other programs are read
 PLACES = ("daq/files", "updater/fe/external", "monitor/analysis")
 _OTHERS = ("log", "state", "lines", "site", "scenario", "structure")  # files of this program, and lines of devices
-_FEWEST, _ATTEMPTS = 3, 20  # options of a command are drawn
-_COSTLY = "matrices"  # without options
+_FEWEST, _ATTEMPTS = 2, 20  # options of a command are drawn
+_COSTLY = "matrices"  # one option is enough
 
 
 def functions_with_a_path() -> Iterator[str]:
@@ -42,8 +42,9 @@ def read_sound_files() -> tuple[dict[str, int], set[str]]:
     profile = Profile(subcalls=False, builtins=False)  # of which only the names are used
     for name in READERS.keys() - set(_OTHERS):
         kind = READERS[name]
-        for number, seed in enumerate(kind.seeds()):
-            for attempt in range(_ATTEMPTS if seed.content else 0):
+        different = {(seed.suffix, seed.content): seed for seed in kind.seeds() if seed.content}
+        for number, seed in enumerate(different.values()):
+            for attempt in range(_ATTEMPTS):
                 folder = Path(tempfile.mkdtemp(prefix="sound-"))
                 path = write_case(name, seed, seed.content, folder)
                 os.chdir(folder)
