@@ -22,7 +22,6 @@ _LONG = (
     "watch/test_acceptance.py",
     "watch/test_memory.py",
     "examples/test_notebooks.py",
-    "fe/external/test_solid_bracket.py",
     "oma/test_identification.py",
     "test_replay_data.py",
 )

@@ -142,10 +142,15 @@ def test_channels_with_identical_samples_are_reported_before_the_result(folder: 
     assert (dead["cause"], dead["where"]["channels"]) == ("sensor_dead", ["beam_mid_y"])
 
 
-def test_diagnosis_without_reference_log_names_no_added_mass(folder: Path, modalwatch: Commands) -> None:
+@pytest.mark.parametrize("only", few_of([("--only", "model_parameters", "--only", "added_mass"), ((),)]))
+def test_diagnosis_without_reference_log_names_no_added_mass(
+    folder: Path, modalwatch: Commands, only: tuple[str, ...]
+) -> None:
     """E, density, foot and joint are all a little off: a verdict that a person may have to judge, never a mass."""
     out = folder / "model.json"
-    code = modalwatch("diagnose", folder / "structure.toml", folder / "before.mcap", "--json", out).code
+    code = modalwatch(
+        "diagnose", folder / "structure.toml", folder / "before.mcap", *only, "--json", out, "--force"
+    ).code
     found = json.loads(out.read_text(encoding="utf-8"))
     assert code == (0 if found["verdict"] in {"explained", "nothing_to_explain"} else 1)
     if found["verdict"] == "explained":

@@ -66,11 +66,12 @@ PORTALS = {
     1.63: Portal(0.015, 0.018, 0.0015, 0.8, 1.15),
 }
 #: without the record of the first portal in which a mode is identified with a MAC of 0.85 with the true one
-CASES = [(0.14, 3), *((apart, seed) for apart in PORTALS for seed in range(10) if (apart, seed) != (0.14, 3))]
+CASES = [(apart, seed, ()) for apart in PORTALS for seed in range(10)]
+FEW = ("support_stiffness", "joint_stiffness", "local_stiffness")  # causes that are compared in the ordinary case
 
 
-@pytest.mark.parametrize(("apart", "seed"), few_of(CASES, 1))
-def test_loose_foot_is_named_where_two_modes_mix(apart: float, seed: int) -> None:
+@pytest.mark.parametrize(("apart", "seed", "only"), few_of([(0.14, 3, FEW), *CASES]))
+def test_loose_foot_is_named_where_two_modes_mix(apart: float, seed: int, only: tuple[str, ...]) -> None:
     """Its stiffness within three stated deviations, of at most a fifth.
 
     The third axis may be listed too: it is at two deviations, which chance exceeds in one of 20 cases.
@@ -78,7 +79,7 @@ def test_loose_foot_is_named_where_two_modes_mix(apart: float, seed: int) -> Non
     portal = PORTALS[apart]
     frequency, _, _ = portal.modes(RIGHT)
     assert 100 * (np.diff(frequency[1:11]) / frequency[1:10]).min() == pytest.approx(apart, abs=0.005)
-    found = explain(portal.file(), observed(portal, LEFT, seed), observed(portal, RIGHT, seed)).diagnosis
+    found = explain(portal.file(), observed(portal, LEFT, seed), observed(portal, RIGHT, seed), only=only).diagnosis
     print(apart, seed, found)
     assert found.verdict == "explained"
     (cause,) = found.causes

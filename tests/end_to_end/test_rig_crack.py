@@ -16,7 +16,7 @@ from tests.support.updater.frames import COLUMN_CRACK
 from updater import Structure, dump_structure, parse_structure, t_structure_toml
 from updater.quantities import Opening
 
-WINDOWS, SECONDS = 4, 40
+WINDOWS, SECONDS = 3, 40
 START = 1_767_225_600_000_000_000
 
 

@@ -17,6 +17,8 @@ import scipy.linalg
 from scipy.signal import butter, firwin, lfilter, upfirdn
 
 from daq import Channel, Recording
+from monitor.analysis.observation import Observation, observe
+from tests.support.portals.measured_modes import observed
 from tests.support.portals.tube_portal import LEFT, MODULUS, Portal
 
 #: white noise; the same above `LOW` reduced; half-sine blows from one side at random times; white noise in gusts
@@ -24,6 +26,7 @@ Force = Literal["white", "low", "blows", "gusts"]
 #: sides of the threshold on which a hinge is open; or beyond it from where it sticks, with dry friction
 Opens = Literal["above", "within", "beyond", "slips"]
 RATE, SECONDS, WINDOWS, OVER = 500, 45, 4, 10
+SHORT = 20  # s, of a window without identification
 PARTS = 16  # of a step, at one of which the crack opens or closes
 BLOCK = 16  # steps that are computed at once until the crack opens or closes
 SETTLING = 20  # s
@@ -243,25 +246,32 @@ def side_of(rotation: np.ndarray | float, threshold: float, opens: Opens) -> np.
     return above if opens == "above" else above - np.less(rotation, -threshold)
 
 
-def forces(seed: int, kind: Force) -> np.ndarray:
+def forces(seed: int, kind: Force, windows: int = WINDOWS, seconds: int = SECONDS) -> np.ndarray:
     """Return forces (n_steps, 8, n_windows)."""
     random = np.random.default_rng(seed)
-    shape = (SETTLING + SECONDS + 1) * RATE * OVER, 8, WINDOWS
+    shape = (SETTLING + seconds + 1) * RATE * OVER, 8, windows
     if kind == "blows":
         hits = (random.uniform(size=shape) < BLOWS / (RATE * OVER)) * random.lognormal(size=shape)
         return upfirdn(np.sin(np.linspace(0, np.pi, round(LENGTH * RATE * OVER))), hits, axis=0)[: shape[0]]
     white = random.standard_normal(shape)
     if kind == "gusts":
         step = np.exp(-1 / (GUST * RATE * OVER))
-        slow = lfilter([np.sqrt(1 - step**2)], [1, -step], random.standard_normal((shape[0], 1, WINDOWS)), axis=0)
+        slow = lfilter([np.sqrt(1 - step**2)], [1, -step], random.standard_normal((shape[0], 1, windows)), axis=0)
         return white * np.exp(SCATTER * slow)
     return lfilter(*butter(2, LOW / (RATE * OVER / 2)), white, axis=0) if kind == "low" else white
 
 
 @cache
-def records(portal: Portal, crack: Crack, seed: int, kind: Force = "white") -> tuple[tuple[Recording, ...], float]:
+def records(
+    portal: Portal,
+    crack: Crack,
+    seed: int,
+    kind: Force = "white",
+    windows: int = WINDOWS,
+    seconds: int = SECONDS,
+) -> tuple[tuple[Recording, ...], float]:
     """Return windows with noise and gains 0.3 % off, and the share of the time in which the crack is open."""
-    cracked, force = CrackedPortal(portal, crack), forces(seed, kind)
+    cracked, force = CrackedPortal(portal, crack), forces(seed, kind, windows, seconds)
     threshold, short = 0.0, force[: (SETTLING + 5) * RATE * OVER]
     if crack.threshold and crack.opens == "above":
         _, turned = cracked.run(short, 0.0)
@@ -275,7 +285,7 @@ def records(portal: Portal, crack: Crack, seed: int, kind: Force = "white") -> t
     random = np.random.default_rng((seed, 1))
     gain = 1 + 0.003 * np.random.default_rng(7).standard_normal(motion.shape[1])
     fine = np.moveaxis(motion, 2, 0)
-    filtered = [upfirdn(taps, own.T, down=OVER, axis=1)[:, 64 : 64 + SECONDS * RATE].T for own in fine]
+    filtered = [upfirdn(taps, own.T, down=OVER, axis=1)[:, 64 : 64 + seconds * RATE].T for own in fine]
     level = 0.05 / np.sqrt(np.mean(np.square(filtered)))
     channels = tuple(Channel(name=c, device="daq", axis=axis) for c, (_, axis) in portal.sensors().items())
     start = 1_767_225_600_000_000_000 + seed * 3600 * 10**9
@@ -284,10 +294,26 @@ def records(portal: Portal, crack: Crack, seed: int, kind: Force = "white") -> t
             channels=channels,
             data=level * data * gain + 2.5e-4 * random.standard_normal(data.shape),
             rate=float(RATE),
-            start=start + k * SECONDS * 10**9,
+            start=start + k * seconds * 10**9,
             temperature=np.nan,
         )
         for k, data in enumerate(filtered)
     ]
     far = float((turned if crack.opens == "slips" else side_of(turned, threshold, crack.opens) != 0).mean())
     return tuple(found), 1 - far if crack.opens == "within" else far
+
+
+def identified(portal: Portal, crack: Crack, seed: int, kind: Force = "white") -> tuple[Observation, float]:
+    """Return the modes identified in the windows of a record, and the share of the time in which the crack is open."""
+    found, open_time = records(portal, crack, seed, kind)
+    return observe(found), open_time
+
+
+def sampled(
+    portal: Portal, crack: Crack, seed: int, kind: Force = "white", seconds: int = SHORT
+) -> tuple[Observation, float]:
+    """Return the same with modes drawn about those with the mean spring: only the last window has signals."""
+    cracked, ((sample,), open_time) = CrackedPortal(portal, crack), records(portal, crack, seed, kind, 1, seconds)
+    frequency = np.sqrt(cracked.square) / (2 * np.pi)
+    modes = observed(portal, frequency, cracked.at_sensors, seed, np.random.default_rng((seed, 2)), seconds)
+    return replace(modes, sample=sample), open_time

@@ -14,19 +14,24 @@ START = 1_767_225_600_000_000_000
 
 
 def observed(
-    portal: Portal, frequency: FloatArray, shape: FloatArray, first: int, random: np.random.Generator
+    portal: Portal,
+    frequency: FloatArray,
+    shape: FloatArray,
+    first: int,
+    random: np.random.Generator,
+    seconds: float = SECONDS,
 ) -> Observation:
     """Return five windows of the modes of lowest frequency that move the sensors."""
     moves = np.linalg.norm(shape, axis=0)
     seen = np.flatnonzero(moves[:N_MODES] > 0.05 * np.median(moves[:N_MODES]))
     f, exact, channels = frequency[seen], (shape[:, seen] / moves[seen]).T, tuple(portal.sensors())
-    std, damping_std = np.array([uncertainty_law(each, DAMPING, SECONDS) for each in f]).T
+    std, damping_std = np.array([uncertainty_law(each, DAMPING, seconds) for each in f]).T
     estimates = []
     for window in range(first, first + 5):
         noise = random.standard_normal((2, *exact.shape))
         found = exact + SHAPE_STD * (noise[0] + 1j * noise[1])
         found = found * np.exp(-0.5j * np.angle((found**2).sum(1)))[:, None]
-        start = START + round(window * SECONDS * 1e9)
+        start = START + round(window * seconds * 1e9)
         estimates.append(
             ModalEstimate(
                 channels=channels,
@@ -39,7 +44,7 @@ def observed(
                 support=np.ones(len(f)),
                 law_ratio=np.ones(len(f)),
                 start=start,
-                end=start + round(SECONDS * 1e9),
+                end=start + round(seconds * 1e9),
             )
         )
     windows = Windows(

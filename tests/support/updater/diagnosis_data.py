@@ -145,7 +145,7 @@ class MeasuredAgain:
         logs, held_out = (stack_tracks(windows, [TRACK] * 5) for windows in (self._now, kept))
         reference = nominal_reference(self._with(t_frame(), further), logs)
         events = [matched(reference.baseline, reference.mean_of(modes)) for modes in (logs, held_out)]
-        return diagnose(reference, events[0], heldout=events[1])
+        return diagnose(reference, events[0], heldout=events[1], only=self._only)
 
     def _answer(
         self,
