@@ -33,16 +33,19 @@ def structure_of(cell: str) -> Structure:
     return parse_structure(SOLID_STRUCTURE) if which == "solid" else FRAME
 
 
-def answer(case: Case, *, noise: str = "law") -> dict[str, Any]:
-    """Return the diagnosis of modes with noise, as JSON would hold it; the gain is measured on windows of their own."""
+def answer(case: Case, *, noise: str = "law", only: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the diagnosis of modes with noise, as JSON would hold it; the gain is measured on windows of their own.
+
+    Of all causes, or of some only.
+    """
     random = np.random.default_rng((case.seed, 6))
     if case.built or case.cell.startswith("file: "):
         measured, heldout = (after(case, random, noise) for _ in range(2))
         structure = stiffer(structure_of(case.cell), case.far) if case.built else _filed(case)
-        return explain(structure, None, measured, heldout).diagnosis.model_dump(mode="json")
+        return explain(structure, None, measured, heldout, only=only).diagnosis.model_dump(mode="json")
     before = observation(case.done.before, estimated(case.done.before, N_BEFORE, random, noise=noise))
     now, heldout = (after(case, random, noise) for _ in range(2))
-    found = explain(structure_of(case.cell), before, now, heldout)
+    found = explain(structure_of(case.cell), before, now, heldout, only=only)
     return found.diagnosis.model_dump(mode="json")
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -52,6 +52,7 @@ class Held:
     inside: Alarm
 
 
+@settings(max_examples=30)
 @given(
     arrays(np.float64, st.tuples(st.integers(0, 3), st.integers(0, 3))),
     arrays(np.complex128, 2),

@@ -25,8 +25,8 @@ def drawn(seed: int) -> tuple[Portal, Load]:
     return portal, Load(member, float(share), float(mass), (x, y, z))
 
 
-@pytest.mark.parametrize("seed", few_of([3, 57, 76]))
-def test_body_is_found_where_a_mode_divides(seed: int) -> None:
+@pytest.mark.parametrize(("seed", "only"), few_of([(3, ("added_mass",)), (3, ()), (57, ()), (76, ())]))
+def test_body_is_found_where_a_mode_divides(seed: int, only: tuple[str, ...]) -> None:
     """Mass within three deviations, place within 10 cm.
 
     Some pairs of measured modes are not of the largest share, here and in seeds 5, 20, 23, 34, 46, 49 and 63. Seeds 23
@@ -43,7 +43,7 @@ def test_body_is_found_where_a_mode_divides(seed: int) -> None:
         observed(portal, f, gain * shape, first, random)
         for f, shape, first in ((bare, before, 0), (frequency, after, 20))
     )
-    found = explain(portal.file(), baseline, now).diagnosis
+    found = explain(portal.file(), baseline, now, only=only).diagnosis
     print(seed, load, found)
     assert found.verdict == "explained"
     (cause,) = found.causes

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.support.thorough import few_of
 from tests.support.updater.diagnosis_data import CHANNELS, TOP, Change, learnt
 from updater import Body, Circumstances, ModalMean, diagnose
 from updater.inference import compare
@@ -52,17 +53,19 @@ def test_mode_without_motion_at_the_channels_has_any_shape() -> None:
     assert [cause.cause for cause in causes] == ["added_mass"] * len(causes) != []
 
 
-def test_modes_without_deviations_are_compared() -> None:
-    """As computed modes are, with a known mass that shifts nothing: their covariance is no longer singular."""
+@pytest.mark.parametrize(
+    ("cause", "known"), few_of([("global_stiffness", True), ("added_mass", True), ("added_mass", False)])
+)
+def test_modes_without_deviations_are_compared(cause: str, *, known: bool) -> None:
+    """As computed modes are, also with a known mass that shifts nothing: their covariance is no longer singular."""
     reference, _, event = learnt(1)
     exact = {name: np.zeros_like(getattr(reference.baseline, name)) for name in ("log_frequency_std", "shape_std")}
     same = replace(event(Change()), log_frequency=reference.baseline.log_frequency, **exact)
     before = replace(reference, baseline=replace(reference.baseline, **exact))
-    assert diagnose(before, same, only=("added_mass",)).diagnosis.failed == ()
-    known = Circumstances(known_masses=(KnownMass(mass=0.15, position=(0.3, 0.0, TOP), modes=same),))
-    found = diagnose(before, same, circumstances=known, only=("added_mass",)).diagnosis
+    masses = (KnownMass(mass=0.15, position=(0.3, 0.0, TOP), modes=same),) if known else ()
+    found = diagnose(before, same, circumstances=Circumstances(known_masses=masses), only=(cause,)).diagnosis
     assert found.failed == ()
-    assert found.mass_tests[0].p_value < 1e-6
+    assert [test.p_value < 1e-6 for test in found.mass_tests] == [True] * known
 
 
 def test_search_for_a_cause_without_effect_ends_without_a_name() -> None:

@@ -15,6 +15,7 @@ from scipy import sparse
 
 from daq import FloatArray
 from tests.support.opensees import needs_opensees
+from tests.support.thorough import few_of
 from tests.support.updater.frames import unmoved
 from tests.support.updater.plates import COARSE, FEET, N_MODES, Table, windows, write_table
 from updater import (
@@ -95,14 +96,15 @@ def test_predicted_modes_agree_with_those_of_the_extended_structure(own: Referen
     np.testing.assert_allclose(frequency, modes.frequency[partner], rtol=1e-4)
 
 
-def _diagnosed(table: Path, effect: str, seed: int) -> tuple[Reference, DiagnosisResult]:
+def _diagnosed(table: Path, effect: str, seed: int, only: tuple[str, ...] = ()) -> tuple[Reference, DiagnosisResult]:
     """Return the diagnosis of four windows after eight before; the modulus of the measured table scatters by 2 %."""
     random = np.random.default_rng(seed)
     modulus = 70e9 * (1 + 0.02 * random.standard_normal())
     before = windows(Table(modulus=modulus).modes(), 8, random)
     after = windows(Table(modulus=modulus, **EFFECTS[effect][0]).modes(), 4, random)
     reference = learn_reference(load_structure(table), before, unmoved(8, N_MODES))
-    return reference, diagnose(reference, reference.mean_of(stack_tracks(after, unmoved(4, N_MODES))))
+    event = reference.mean_of(stack_tracks(after, unmoved(4, N_MODES)))
+    return reference, diagnose(reference, event, only=only)
 
 
 def _named(found: DiagnosisResult) -> dict[tuple[str, str], dict[str, Quantity]]:
@@ -119,8 +121,9 @@ def _errors(effect: str, found: DiagnosisResult) -> list[float] | None:
     return [(quantity.value - value) / quantity.std for quantity, value in pairs if quantity.std]
 
 
-def test_weak_panel_of_a_table_is_named_and_written(table: Path) -> None:
-    reference, found = _diagnosed(table, "panel", 1)
+@pytest.mark.parametrize("only", few_of([("local_stiffness", "added_mass"), ((),)]))
+def test_weak_panel_of_a_table_is_named_and_written(table: Path, only: tuple[str, ...]) -> None:
+    reference, found = _diagnosed(table, "panel", 1, only)
     errors = _errors("panel", found)
     assert errors is not None
     assert abs(errors[0]) < 3
