@@ -13,7 +13,8 @@ from rich.table import Table
 from daq.notebook import number_text
 from monitor.analysis.selection import Selection
 from monitor.analysis.time_range import Moment, TimeRange
-from monitor.cli.data.diagnose.diagnosis import Logs, diagnose_logs
+from monitor.cli.data.diagnose.arguments import Logs
+from monitor.cli.data.diagnose.diagnosis import diagnose_logs
 from monitor.cli.demo.course_score import score_course
 from monitor.cli.demo.scenario_score import ScoredEvent, scenario_summary, scenario_table, score_events
 from monitor.cli.options import DONE, NEEDS_A_PERSON

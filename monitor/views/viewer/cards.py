@@ -156,7 +156,7 @@ def diagnosis_card(diagnosis: DiagnosisAnswer) -> str:
     if nearest:
         lines = [f"- {plain(r.cause)}: {r.why}" for r in nearest[:_MAX_REFUSED]]
         rest = ", ".join(plain(r.cause) for r in nearest[_MAX_REFUSED:])
-        parts.append("\n".join(["Refused:", "", *lines, *([f"- {rest}"] if rest else [])]))
+        parts.append("\n".join(["Refused:", "", *lines, *([f"- even less probable: {rest}"] if rest else [])]))
     parts += [failed_text(failed) for failed in diagnosis.failed]
     return "\n\n".join(parts)
 

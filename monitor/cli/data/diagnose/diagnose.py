@@ -108,15 +108,9 @@ def diagnose(
     """
     from monitor.analysis.selection import Selection
     from monitor.analysis.time_range import time_range
-    from monitor.cli.data.diagnose.diagnosis import (
-        FOLDER_FILES,
-        Logs,
-        MassLog,
-        beside_json,
-        bound_of,
-        diagnose_logs,
-        effort_of,
-    )
+    from monitor.cli.data.diagnose.arguments import Logs, MassLog, bound_of, effort_of
+    from monitor.cli.data.diagnose.diagnosis import diagnose_logs
+    from monitor.cli.data.diagnose.written_files import FOLDER_FILES, beside_json
     from monitor.cli.output import check_outputs, existing_in
     from monitor.errors import ArgumentError
     from updater.quantities import cause_name

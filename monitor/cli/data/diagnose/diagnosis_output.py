@@ -7,7 +7,8 @@ from rich.console import Console, RenderableType
 from rich.markup import escape
 
 from daq.notebook import rounded_text
-from monitor.cli.terminal import new_table
+from monitor.cli.data.structure.parameters_output import changes_table
+from monitor.cli.terminal import console, echo, new_table
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult, ModeComparison
 from monitor.results.convert import bare_reference
 from monitor.text.cause_list import listed_causes
@@ -27,6 +28,7 @@ from monitor.text.causes import (
     missed_text,
     other_texts,
     probability_text,
+    uncertain_text,
     unmeasured_text,
 )
 from monitor.text.diagnosis import (
@@ -43,6 +45,7 @@ from monitor.text.sensors import health_text, worst_sensor_text
 from monitor.text.verdicts import has_only_fitted_parameters, verdict_text
 from updater import Cause, Gain, Structure
 from updater.quantities import plain
+from updater.reference import Calibration
 from updater.structure import place_name
 
 _STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}
@@ -204,3 +207,26 @@ def _refused(console: Console, diagnosis: DiagnosisAnswer) -> None:
         console.print(f"  less probable than these: {', '.join(plain(r.cause) for r in nearest[_MAX:])}", style="dim")
     for failed in diagnosis.failed:
         console.print(escape(failed_text(failed)), style="yellow")
+
+
+def say_extended(path: str, *, fitted: bool) -> None:
+    """Print where the extended model is, and whether it has fitted parameters."""
+    echo(f"extended model: {path}")
+    if fitted:
+        console.print(
+            "  it also has the parameters fitted to the reference logs: stiffness of materials, feet and joints",
+            style="dim",
+        )
+
+
+def say_parameters(calibration: Calibration) -> None:
+    """Print the model parameters that were fitted to the reference logs: changed ones with values, others by name."""
+    changes = calibration.changes()
+    if moved := [change for change in changes if change.listed]:
+        console.print(changes_table(moved, "model parameters fitted to the reference logs"))
+    if uncertain := uncertain_text(moved):
+        console.print(uncertain, style="dim", markup=False)
+    if others := further_changes_text([change for change in changes if not change.listed]):
+        spring = "; a connection that is rigid in the file is a stiff spring in the extended model"
+        rigid = any(change.before is None for change in changes if not change.listed)
+        console.print(f"also fitted to the reference logs, {others}{spring * rigid}", style="dim", markup=False)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor.cli.data.diagnose.diagnosis import effort_of
+from monitor.cli.data.diagnose.arguments import effort_of
 from monitor.cli.data.diagnose.follow_up import earlier_diagnosis, follow_up
 from monitor.cli.output import write_json
 from monitor.errors import ArgumentError

@@ -5,7 +5,7 @@ from typing import get_args
 
 import pytest
 
-from monitor.cli.data.diagnose.diagnosis import Logs, MassLog
+from monitor.cli.data.diagnose.arguments import Logs, MassLog
 from monitor.errors import ArgumentError, State
 from updater import parse_structure, t_structure_toml
 
