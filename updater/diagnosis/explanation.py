@@ -6,9 +6,8 @@ change is one of the hypotheses. A cause is named at a posterior of 0.8. If the 
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 from updater.causes import CATALOGUE, AddedMass, CommonFactor, LocalStiffness, SelectedCause, Springs
 from updater.diagnosis.case import Case, DiagnosisResult, RecalibratedModel
@@ -119,19 +118,11 @@ def diagnose(
     SelectionError
         If the catalogue has no cause of a name, or none of those that are left applies.
     """
-    unused = None if heldout is None else WindowModes.of(heldout, heldout_every)
+    kept = None if heldout is None else WindowModes.of(heldout, heldout_every)
 
     def answer(known_masses: tuple[KnownMass, ...]) -> DiagnosisResult:
-        return _diagnosed(
-            reference,
-            WindowModes.of(event, every),
-            unused,
-            None,
-            circumstances=replace(circumstances, known_masses=known_masses),
-            on_cause=on_cause,
-            only=only,
-            without=without,
-        )
+        known = replace(circumstances, known_masses=known_masses)
+        return _Question(reference, WindowModes.of(event, every), kept, known, on_cause, only, without).answer()
 
     return _with_agreeing_masses(circumstances.known_masses, answer)
 
@@ -162,130 +153,169 @@ def _with_agreeing_masses(
     return alone if some.diagnosis.verdict == "unexplained" else some
 
 
-def _diagnosed(
-    reference: Reference,
-    measured: WindowModes,
-    unused: WindowModes | None,
-    bare: Calibration | None,
-    *,
-    circumstances: Circumstances,
-    on_cause: OnCause,
-    only: Collection[str],
-    without: Collection[str],
-) -> DiagnosisResult:
-    """Explain an event as `diagnose` does.
+@dataclass(frozen=True, eq=False)
+class _Question:
+    """An event to be explained, and the causes that may explain it."""
 
-    Parameters
-    ----------
-    measured, unused : the event, and the modes of windows that the fit does not use
-    bare : of the structure file, where the reference's model has bodies that it lacks
-    """
-    event = measured.event
-    plain = _searched(reference, event, circumstances, on_cause, allowed_causes(only, without))
-    of_the_file = _of_the_file_alone(plain) if reference.of_file else []
-    if of_the_file:
-        learned, evidence = with_learned_error(reference, event, circumstances, of_the_file[0])
-        plain = replace(_searched(learned, event, circumstances, on_cause, plain.allowed), faults=plain.faults)
-    if reference.nominal is not None and not plain.of_the_file:
-        name = next(name for name, entry in CATALOGUE.items() if entry.of_the_file)
-        raise SelectionError(f"{name} cannot be left out: the structure file is too far from the measured modes")
-    if not plain.causes:
-        raise SelectionError(
-            f"none of the chosen causes applies to this structure and these modes: {', '.join(plain.allowed)}"
+    reference: Reference
+    measured: WindowModes  #: of the event
+    heldout: WindowModes | None  #: modes of windows that the fit does not use
+    circumstances: Circumstances
+    on_cause: OnCause
+    only: Collection[str]
+    without: Collection[str]
+    bare: Calibration | None = None  #: of the structure file, where the reference's model has bodies that it lacks
+
+    def answer(self) -> DiagnosisResult:
+        """Explain the event: by single causes, joint causes, a revised reference, and then by the fewest causes."""
+        plain, assumed = self._compared()
+        search, singles = relaxed_alone(plain, self._singles(plain))
+        if opening := _opening(plain, self.measured.event, self.circumstances, singles):
+            return replace(self, circumstances=replace(self.circumstances, opening=opening)).answer()
+        case = Case(
+            search.reference, self.measured.event, search.data, singles, search, self.measured, self.heldout, self.bare
         )
-    singles = plain.singles(() if reference.nominal is None else plain.of_the_file)
-    if not singles:
-        raise RuntimeError(f"every cause has failed: {plain.faults.found}")
-    search, singles = relaxed_alone(plain, singles)
-    opening = {} if circumstances.opening else _opening(plain, event, circumstances, singles)
-    if opening:
-        known = replace(circumstances, opening=opening)
-        return _diagnosed(
-            reference, measured, unused, bare, circumstances=known, on_cause=on_cause, only=only, without=without
-        )
-    case = Case(search.reference, event, search.data, singles, search, measured, unused, bare)
-    if not circumstances.steady:
-        return _refused("unexplained", case, singles[0].log_evidence, "unsteady")
-    least_error = MODEL_ERROR / reference.model_error_factor
-    good = compare(reference, event, circumstances=circumstances, model_error=least_error)
-    unchanged = reference.nominal is None and (reference.of_file or within_noise(good, ()))
-    if unchanged and nothing_changed(search, singles):
-        return _refused("nothing_to_explain", case, search.log_nothing, "no_change")
-    if reference.nominal is None and not (reference.of_file or reference.fits_baseline):
-        return _refused("unexplained", case, singles[0].log_evidence, "unfit_model")
-    alone = [c for c in singles if c.effective]
-    search, found = stepwise(search, ranked([*alone, *beside_the_file(search, alone)]), rough=True)
+        good = self._compared_with(self.reference, MODEL_ERROR / self.reference.model_error_factor)
+        unchanged = self.reference.nominal is None and (self.reference.of_file or within_noise(good, ()))
+        if refused := self._refused_alone(case, unchanged=unchanged):
+            return refused
+        case, found = _jointly(plain, case)
+        best = max((*singles, *found), key=lambda c: c.log_evidence)
+        if found and fits(found[0]):
+            if assumed is not None:
+                case = self._with_learned_error(case, found[0], assumed)
+            case, found = judged(case, found, self._compared_with(case.reference))
+            if revised := self._revised(case, found[0], good):
+                return revised
+            found, needed = _with_fewest(case, found, good)
+            if not needed and unchanged and case.weighing.nothing.p_value >= MIN_P:
+                return _refused("nothing_to_explain", case, best.log_evidence, "no_change")
+        if not found or not fits(found[0]) or not within_noise(good, found[0].chosen):
+            return _unexplained(case, found[0] if found else best, best.log_evidence)
+        if _strewn(found[0]):
+            return _refused("unexplained", case, best.log_evidence, "scattered_mass")
+        if _worn(found[0]):
+            return _refused("unexplained", case, best.log_evidence, "widespread_stiffness")
+        return _explained(case, with_unlisted_bodies(case, with_open_places(case, found)), best.log_evidence)
+
+    def _compared(self) -> tuple[EvidenceComparison, float | None]:
+        """Return the causes to compare.
+
+        A structure file has the error of modes with which its own parameters agree with the measured ones. If that is
+        no larger than assumed, their log evidence is returned too.
+        """
+        plain = self._searched(self.reference, allowed_causes(self.only, self.without))
+        of_the_file = _of_the_file_alone(plain) if self.reference.of_file else []
+        if not of_the_file:
+            if self.reference.nominal is not None and not plain.of_the_file:
+                name = next(name for name, entry in CATALOGUE.items() if entry.of_the_file)
+                raise SelectionError(
+                    f"{name} cannot be left out: the structure file is too far from the measured modes"
+                )
+            return plain, None
+        learned, evidence = with_learned_error(self.reference, self.measured.event, self.circumstances, of_the_file[0])
+        plain = replace(self._searched(learned, plain.allowed), faults=plain.faults)
+        return plain, evidence if learned is self.reference else None
+
+    def _searched(self, reference: Reference, allowed: Collection[str]) -> EvidenceComparison:
+        """Return the causes compared with twice the error of a good model, unless the reference's is larger."""
+        less = max(_ROUGHER / reference.model_error_factor, 1.0) * MODEL_ERROR
+        return EvidenceComparison(reference, self._compared_with(reference, less), self.on_cause, allowed=allowed)
+
+    def _compared_with(self, reference: Reference, model_error: float = MODEL_ERROR) -> Comparison:
+        return compare(reference, self.measured.event, circumstances=self.circumstances, model_error=model_error)
+
+    def _singles(self, plain: EvidenceComparison) -> list[Candidate]:
+        """Return every cause fitted alone."""
+        if not plain.causes:
+            raise SelectionError(
+                f"none of the chosen causes applies to this structure and these modes: {', '.join(plain.allowed)}"
+            )
+        singles = plain.singles(() if self.reference.nominal is None else plain.of_the_file)
+        if not singles:
+            raise RuntimeError(f"every cause has failed: {plain.faults.found}")
+        return singles
+
+    def _refused_alone(self, case: Case, *, unchanged: bool) -> DiagnosisResult | None:
+        """Return an answer that needs no joint causes; None if there is a change to explain.
+
+        Parameters
+        ----------
+        unchanged : whether the modes agree with the reference within their noise
+        """
+        best, of_file = case.singles[0].log_evidence, self.reference.of_file
+        if not self.circumstances.steady:
+            return _refused("unexplained", case, best, "unsteady")
+        if unchanged and nothing_changed(case.weighing, case.singles):
+            return _refused("nothing_to_explain", case, case.weighing.log_nothing, "no_change")
+        if self.reference.nominal is None and not (of_file or self.reference.fits_baseline):
+            return _refused("unexplained", case, best, "unfit_model")
+        return None
+
+    def _with_learned_error(self, case: Case, best: Candidate, assumed: float) -> Case:
+        """Return a case with the error of modes of the best causes, if that is much more probable than the assumed."""
+        learned, evidence = with_learned_error(self.reference, self.measured.event, self.circumstances, best)
+        if evidence <= assumed + _WORTH:
+            return case
+        return replace(case, reference=learned, weighing=replace(case.weighing, reference=learned))
+
+    def _revised(self, case: Case, best: Candidate, good: Comparison) -> DiagnosisResult | None:
+        """Return the answer with another reference: with bodies that were removed, or springs that did not change."""
+
+        def again(bare: Calibration | None, reference: Reference) -> DiagnosisResult:
+            return replace(self, reference=reference, bare=bare).answer()
+
+        needed = only_needed(case.weighing, best, partial(_accepted, good))  # a body that is not needed shows no error
+        revisions = {
+            "removed bodies": partial(with_removed_bodies, case, needed, partial(again, self.reference.calibration)),
+            "unchanged connections": partial(with_unchanged_springs, case, best, partial(again, None)),
+        }
+        revised = (case.weighing.faults.attempt(what, revision) for what, revision in revisions.items())
+        return next((found for found in revised if found is not None), None)
+
+
+def _jointly(plain: EvidenceComparison, case: Case) -> tuple[Case, list[Candidate]]:
+    """Return the joint causes that are more probable than their parts, and the case as they were weighed."""
+    alone = [c for c in case.singles if c.effective]
+    search, found = stepwise(case.weighing, ranked([*alone, *beside_the_file(case.weighing, alone)]), rough=True)
     search, found = relaxed_beside(search, found) if not search.instead else unrelaxed_beside(plain, search, found)
     search, found = relaxed_with_body(search, found)
-    search, found = with_two_bodies(plain, search, singles, found)
-    case = replace(case, weighing=search)
-    best = max((*singles, *found), key=lambda c: c.log_evidence)
-    if found and fits(found[0]):
-        if of_the_file and learned is reference:  # the file alone agrees no better than assumed
-            again_learned, other = with_learned_error(reference, event, circumstances, found[0])
-            if other > evidence + _WORTH:
-                learned = again_learned
-                case = replace(case, reference=learned, weighing=replace(case.weighing, reference=learned))
-        case, found = judged(case, found, compare(case.reference, event, circumstances=circumstances))
-
-        def again(bare: Calibration | None, revised: Reference) -> DiagnosisResult:
-            given: dict[str, Any] = {"circumstances": circumstances, "only": only, "without": without}
-            return _diagnosed(revised, measured, unused, bare, on_cause=on_cause, **given)
-
-        def accepted(candidate: Candidate) -> bool:
-            return fits(candidate) and within_noise(good, candidate.chosen)
-
-        needed = only_needed(case.weighing, found[0], accepted)  # a body that is not needed shows no error
-        revisions = {
-            "removed bodies": partial(with_removed_bodies, case, needed, partial(again, reference.calibration)),
-            "unchanged connections": partial(with_unchanged_springs, case, found[0], partial(again, None)),
-        }
-        for what, revision in revisions.items():
-            revised = case.weighing.faults.attempt(what, revision)
-            if revised is not None:
-                return revised
-        found = found if within_noise(good, found[0].chosen) else closer(case, found, good)
-        leading = only_needed(case.weighing, merged(case.weighing, found[0]), accepted)
-        fewer = len(leading.chosen) < len(found[0].chosen)
-        rest = [c for c in found[1:] if not (fewer and sorted(c.names) == sorted(leading.names))]
-        found = significant_only(case.weighing, [leading, *rest])
-        less = max((c.log_evidence for c in found), default=float("-inf"))
-        left = less >= min(leading.log_evidence, case.weighing.log_nothing)  # else no change is more probable
-        if not left and unchanged and case.weighing.nothing.p_value >= MIN_P:
-            return _refused("nothing_to_explain", case, best.log_evidence, "no_change")
-    if not found or not fits(found[0]) or not within_noise(good, found[0].chosen):
-        odd = found[0] if found else best
-        faults = case.weighing.faults
-        nearer = reference.nominal and faults.attempt("the file nearer to the logs", lambda: _nearer(case))
-        refused = _refused(
-            "unexplained", case, best.log_evidence, misfit(case.reference, case.data, odd.chosen), odd.chosen
-        )
-        return replace(refused, nearer=nearer or None)
-    if _strewn(found[0]):
-        return _refused("unexplained", case, best.log_evidence, "scattered_mass")
-    if _worn(found[0]):
-        return _refused("unexplained", case, best.log_evidence, "widespread_stiffness")
-    return _explained(case, with_unlisted_bodies(case, with_open_places(case, found)), best.log_evidence)
+    search, found = with_two_bodies(plain, search, case.singles, found)
+    return replace(case, weighing=search), found
 
 
-def _searched(
-    reference: Reference,
-    event: ModalMean,
-    circumstances: Circumstances,
-    on_cause: OnCause,
-    allowed: Collection[str],
-) -> EvidenceComparison:
-    """Return the causes compared with twice the error of a good model, unless the reference's is larger."""
-    less = max(_ROUGHER / reference.model_error_factor, 1.0) * MODEL_ERROR
-    rough = compare(reference, event, circumstances=circumstances, model_error=less)
-    return EvidenceComparison(reference, rough, on_cause, allowed=allowed)
+def _accepted(good: Comparison, candidate: Candidate) -> bool:
+    """Return whether a candidate fits, also with the error of a good model."""
+    return fits(candidate) and within_noise(good, candidate.chosen)
+
+
+def _with_fewest(case: Case, found: list[Candidate], good: Comparison) -> tuple[list[Candidate], bool]:
+    """Return the candidates without causes that are not needed, and whether they are more probable than no change."""
+    found = found if within_noise(good, found[0].chosen) else closer(case, found, good)
+    leading = only_needed(case.weighing, merged(case.weighing, found[0]), partial(_accepted, good))
+    fewer = len(leading.chosen) < len(found[0].chosen)
+    rest = [c for c in found[1:] if not (fewer and sorted(c.names) == sorted(leading.names))]
+    found = significant_only(case.weighing, [leading, *rest])
+    less = max((c.log_evidence for c in found), default=float("-inf"))
+    return found, less >= min(leading.log_evidence, case.weighing.log_nothing)
+
+
+def _unexplained(case: Case, odd: Candidate, best: float) -> DiagnosisResult:
+    """Return an answer that names no cause because the best one does not fit."""
+    faults = case.weighing.faults
+    nearer = case.reference.nominal and faults.attempt("the file nearer to the logs", lambda: _nearer(case))
+    refused = _refused("unexplained", case, best, misfit(case.reference, case.data, odd.chosen), odd.chosen)
+    return replace(refused, nearer=nearer or None)
 
 
 def _opening(
     weighing: EvidenceComparison, event: ModalMean, circumstances: Circumstances, singles: Sequence[Candidate]
 ) -> Mapping[str, OpeningEvidence]:
-    """Return the evidence of the signals for probable losses of stiffness that open and close; empty if none does."""
-    if circumstances.signals is None or weighing.reference.nominal is not None:
+    """Return the evidence of the signals for probable losses of stiffness that open and close; empty if none does.
+
+    Empty, too, if it is part of the circumstances.
+    """
+    if circumstances.opening or circumstances.signals is None or weighing.reference.nominal is not None:
         return {}
     signals = circumstances.signals
 
