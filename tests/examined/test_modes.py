@@ -33,6 +33,7 @@ THOROUGH = [
     ("corroded", 3346821278003),  # a whole column with a factor on all stiffness
     ("corroded", 3346821278008),  # likewise, as a clock that is off
     ("mast: sensor_orientation", 449327228003),  # from no turn the fit ended at the minimum of the other sign
+    ("added_mass + added_mass + local_stiffness", 3842579449000),  # an axial force was taken for one of the bodies
     ("attached_oscillator", 9400021),  # its own mode moves no sensor
     ("added_mass", 301),  # from accelerations in test_records.py
     ("local_stiffness", 303),  # likewise

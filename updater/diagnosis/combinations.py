@@ -126,6 +126,11 @@ class PredictedCandidate:
         return tuple(c.cause.name for c in self.chosen)
 
 
+def _error(predicted: PredictedCandidate) -> float:
+    """Return the error of first order that a predicted log evidence may have."""
+    return HOPELESS + ERRS * max(predicted.log_evidence - predicted.fewer, 0.0)
+
+
 def common(names: Sequence[str]) -> list[str]:
     """Return names of causes in order, each rare one as its common form."""
     return sorted(CATALOGUE[name].common_form or name for name in names)
@@ -203,6 +208,28 @@ class Compositions:
             chosen = tuple(map(SelectedCause.begun, (body, other, body)))
             found.append(self.converged_fit(chosen))
         return [c for c in found if c is not None]
+
+    def exchanged(self, best: Candidate) -> list[Candidate]:
+        """Fit the best explanation with each cause in turn exchanged for another one.
+
+        A cause that was added first may imitate two others, of which only one is then found in addition (sequential
+        replacement: Miller, A. (2002). Subset selection in regression, 2nd ed., section 3.5). What cannot exceed the
+        best one is not fitted.
+        """
+        found = []
+        for number, one in enumerate(best.chosen):
+            if CATALOGUE[one.cause.name].of_the_file:
+                continue
+            rest = self.coordinate_fit(best.chosen[:number] + best.chosen[number + 1 :])
+            promises = [] if rest is None else self.rank_by_linear_prediction([rest])
+            worth = [
+                p
+                for p in promises
+                if sorted(p.names) != sorted(best.names) and p.log_evidence + _error(p) >= best.log_evidence
+            ]
+            if worth:
+                found += self._fitted(self._worth_fitting(worth), [best])
+        return found
 
     @cached_property
     def _same_factor(self) -> list[Cause]:
@@ -352,8 +379,7 @@ class Compositions:
     @staticmethod
     def _is_near(best: PredictedCandidate, other: PredictedCandidate) -> bool:
         """Return whether a prediction may exceed the best one within the error of first order."""
-        margin = HOPELESS + ERRS * max(best.log_evidence - best.fewer, 0.0)
-        return other.log_evidence >= best.log_evidence - margin
+        return other.log_evidence >= best.log_evidence - _error(best)
 
     def converged_fit(self, chosen: tuple[SelectedCause, ...], known: Sequence[Candidate] = ()) -> Candidate | None:
         """Return causes fitted in turn, and again while the fit improves; None where the first fit fails.

@@ -41,6 +41,7 @@ _NO_EFFECT = 5.0  # of log evidence lost by a second body: 7 to 9 where there is
 _LESS = 0.71
 _MASSES = {"added_mass", "distributed_mass"}  # causes that are masses
 _MAX = 3  # causes at once, in addition to the parameters of a file
+_EXCHANGED = 3  # causes from which one of them is exchanged: pairs are sought from several single causes
 
 
 def nothing_changed(weighing: EvidenceComparison, singles: list[Candidate]) -> bool:
@@ -318,6 +319,18 @@ def with_two_bodies(
     more = [c for c in Compositions(plain).with_two_bodies(singles) if c.earned(found)]
     every = ranked([*found, *more])
     return (plain if every[0] in more else search), every
+
+
+def exchanged(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candidate]:
+    """Return explanations by three and more causes, those included with one cause exchanged, while these are better."""
+    while len(found[0].chosen) >= _EXCHANGED:
+        more = Compositions(weighing).exchanged(found[0])
+        new = [c for c in more if c.earned(found) and not any(_as_good(one, c) for one in found)]
+        better = ranked([*found, *new])
+        if better[0] is found[0]:
+            return better
+        found = better
+    return found
 
 
 def _as_good(one: Candidate, other: Candidate) -> bool:
