@@ -273,6 +273,8 @@ def stepwise(
     start = len(found[0].chosen) if not rough and Compositions(weighing).of_the_file_alone(found[0]) else 1
     for number in range(start, _MAX + bool(weighing.of_the_file)):
         as_many = [c for c in found if len(c.chosen) == number]
+        if not as_many and number < len(found[0].chosen):
+            continue  # the best is continued where none of its parts is left
         seeds = as_many[:N_SEEDS]
         seeds += [c for c in as_many[N_SEEDS:] if sorted(c.names) == common(seeds[0].names)]
         doubted = _is_doubtful(found[0]) or is_hidden(found[0]) or is_relaxed_doubtful(weighing, found[0])
