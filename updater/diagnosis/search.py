@@ -326,9 +326,11 @@ def with_two_bodies(
 def exchanged(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candidate]:
     """Return explanations by three and more causes, those included with one cause exchanged, while these are better."""
     while len(found[0].chosen) >= _EXCHANGED:
-        more = Compositions(weighing).exchanged(found[0])
-        new = [c for c in more if c.earned(found) and not any(_as_good(one, c) for one in found)]
-        better = ranked([*found, *new])
+        better = list(found)
+        for one in ranked(Compositions(weighing).exchanged(found[0])):  # several exchanges may lead to the same causes
+            if one.earned(found) and not any(_as_good(other, one) for other in better):
+                better.append(one)
+        better = ranked(better)
         if better[0] is found[0]:
             return better
         found = better

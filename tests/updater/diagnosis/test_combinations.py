@@ -16,6 +16,7 @@ from updater.causes import AddedMass, SelectedCause, propose_added_mass
 from updater.diagnosis.combinations import Compositions, likeliest_pair
 from updater.diagnosis.places import by_place
 from updater.diagnosis.relaxation import relaxed_with_body
+from updater.diagnosis.search import exchanged
 from updater.diagnosis.weighing import Candidate, EvidenceComparison
 from updater.inference import Fit, compare
 
@@ -200,8 +201,10 @@ def test_two_bodies_and_a_loss_are_found_where_the_loss_alone_is_elsewhere() -> 
     assert found.p_value > 0.03
 
 
-def test_cause_that_imitated_another_one_is_exchanged(learnt: tuple[Reference, Model]) -> None:
-    """Two bodies and a wrong gain, of which one body was taken for a second wrong gain."""
+def test_cause_that_imitated_another_one_is_exchanged(
+    learnt: tuple[Reference, Model], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two bodies and a wrong gain, of which one body was taken for a second wrong gain. Either gain leads to them."""
     reference, bare = learnt
     gain = GAIN.copy()
     gain[3] = 1.15
@@ -214,7 +217,12 @@ def test_cause_that_imitated_another_one_is_exchanged(learnt: tuple[Reference, M
     wrong = Compositions(weighing).coordinate_fit((sensor, body, sensor))
     assert wrong is not None
     assert sorted(wrong.names) == ["added_mass", "sensor_gain", "sensor_gain"]
-    best = max(Compositions(weighing).exchanged(wrong), key=lambda c: c.log_evidence)
+    more = Compositions(weighing).exchanged(wrong)
+    best = max(more, key=lambda c: c.log_evidence)
+    assert [sorted(c.names) for c in more].count(sorted(best.names)) == 2
+    monkeypatch.setattr(Compositions, "exchanged", lambda _, one: more if one is wrong else [])
+    assert exchanged(weighing, [wrong])[0] is best
+    assert [sorted(c.names) for c in exchanged(weighing, [wrong])].count(sorted(best.names)) == 1
     assert sorted(best.names) == ["added_mass", "added_mass", "sensor_gain"]
     assert best.p_value > 0.01
     assert [c.row for c in best.chosen if c.cause.name == "sensor_gain"] == [3]
