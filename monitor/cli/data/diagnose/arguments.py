@@ -94,12 +94,10 @@ class Logs:
         self._check_window()
         for known in self.mass:
             known.check_place(structure)
-        for name, paths, within in (
-            ("--reference", self.reference, self.reference_within),
-            ("--held-out", self.heldout, self.heldout_within),
-        ):
-            if not (paths or within.whole):
-                raise ArgumentError(", ".join(within.options), f"expected {name} LOG, found none")
+        if not (self.reference or self.reference_within.whole):
+            raise ArgumentError(", ".join(self.reference_within.options), "expected --reference LOG, found none")
+        if not (self.heldout or self.heldout_within.whole):
+            raise ArgumentError(", ".join(self.heldout_within.options), "expected --held-out LOG, found none")
         if self.heldout:
             self._check_independent()
 
