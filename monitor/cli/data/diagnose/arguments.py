@@ -91,7 +91,6 @@ class Logs:
         ArgumentError
             Naming the option.
         """
-        self._check_window()
         for known in self.mass:
             known.check_place(structure)
         if not (self.reference or self.reference_within.whole):
@@ -101,7 +100,7 @@ class Logs:
         if self.heldout:
             self._check_independent()
 
-    def _check_window(self) -> None:
+    def check_window(self) -> None:
         """Refuse an exponential window of no length, or of no frequency responses."""
         window, paths = self.exponential_window, [path for state in get_args(State) for path in self.of_state(state)]
         if window is not None and not window > 0:

@@ -75,6 +75,7 @@ def diagnose_logs(
     follows: Path | None = None,
 ) -> int:
     """Diagnose; 0 if it is clear, 1 if a person must decide."""
+    logs.check_window()
     structure = selected_structure(structure_path, selection)
     logs.check(structure)
     earlier = earlier_diagnosis(follows)
