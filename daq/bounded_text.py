@@ -28,7 +28,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     except RecursionError as error:
         raise ValueError(_TOO_DEEP) from error
     except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{error}{_quotes_hint(text, str(error))}") from error
+        raise ValueError(f"{error}{_quotes_hint(text, str(error))}{_comma_hint(text, str(error))}") from error
     _check_values(content)
     return content
 
@@ -42,6 +42,15 @@ def _quotes_hint(text: str, error: str) -> str:
     if (lower := word[0].lower()) in {"true", "false"}:
         return f": write {lower}"
     return f': a text needs quotes: "{word[0]}"'
+
+
+def _comma_hint(text: str, error: str) -> str:
+    """Return that the decimal sign is a point, if the error of a TOML text is the comma in a number."""
+    place = re.fullmatch(
+        r"Expected newline or end of document after a statement \(at line (\d+), column (\d+)\)", error
+    )
+    line, column = (text.split("\n")[int(place[1]) - 1], int(place[2]) - 1) if place else ("", 0)
+    return ": the decimal sign is a point" if re.search(r"\d$", line[:column]) and line[column] == "," else ""
 
 
 def parse_json(text: str | bytes) -> Any:  # noqa: ANN401 - any JSON value

@@ -466,7 +466,7 @@ def _records(path: Path, wanted: Callable[[str], bool] = lambda _: True) -> Iter
         size = file.seek(0, os.SEEK_END)
         file.seek(0)
         if file.read(len(MAGIC)) != MAGIC:
-            raise LogError(path, "is not an MCAP log")
+            raise LogError(path, "is not an MCAP log (`modalwatch import` converts tables of measurements)")
         yield from _until_cut(path, file, size, ChunkReader(_items_of(wanted)))
 
 

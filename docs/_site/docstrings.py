@@ -71,7 +71,7 @@ _ARRAYS = {"float64": "FloatArray", "complex128": "ComplexArray", "int64": "Inde
 def _name_arrays(_app: Sphinx, page: nodes.document) -> None:
     """Put the names of the types of arrays in the place of what they stand for."""
     for node in list(page.findall(lambda n: isinstance(n, desc_annotation | desc_sig_name | desc_returns))):
-        text = node.astext().removeprefix("-> ")
+        text = node.astext().removeprefix(" -> ")  # which the page has as an arrow
         if _ARRAY.search(text):
             node.children = [nodes.Text(_ARRAY.sub(lambda found: _ARRAYS.get(found[1], "NDArray"), text))]
 

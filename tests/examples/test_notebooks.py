@@ -83,7 +83,7 @@ def test_page_on_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     lines = Path("with_origin.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     Path("measured.csv").write_text("".join(line for line in lines if not line.startswith("#")), encoding="utf-8")
     ours = [block for block in code_blocks(page) if "pyoma2" not in block]
-    assert len(ours) == 6
+    assert len(ours) == 7
     found = run_cells(ours)
     assert (tmp_path / "mac.png").stat().st_size > 10_000
     np.testing.assert_allclose(found["recording"].data, 9.80665 * recording.data, rtol=1e-6, atol=1e-9)

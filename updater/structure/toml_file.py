@@ -82,7 +82,7 @@ def _wrong(error: ValidationError, content: dict[str, Any]) -> str:
     place = _place(first["loc"], content)
     if first["type"] == "extra_forbidden":
         return f"{place}: {not_known(str(first['loc'][-1]), _known_keys(first['loc']))}"
-    message = first["msg"].removeprefix("Value error, ")
+    message = first["msg"].removeprefix("Value error, ").replace("a valid tuple", "a list in brackets")
     return (
         f"{place}: {message}"
         if isinstance(first["input"], dict)

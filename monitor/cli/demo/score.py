@@ -1,9 +1,11 @@
 """Comparison of the answer with the truth."""
 
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import which
 from typing import Any
 
 import numpy as np
@@ -194,11 +196,15 @@ def _write_pictures(out: Path, report: RunReport) -> None:
 
 def _say_next(console: Console, out: Path, report: RunReport) -> None:
     console.print("Report:              ", f"{out}/report.html", soft_wrap=True)
-    console.print("Viewer:              ", f".venv/bin/rerun {out}/overview.rrd", soft_wrap=True)
-    console.print(
-        "Repeat the analysis: ",
-        f".venv/bin/modalwatch replay {report.log}",
-        "   (the same modes and alarm, to the last digit)",
-        soft_wrap=True,
-    )
+    console.print("Viewer:              ", f"{program_path('rerun')} {out}/overview.rrd", soft_wrap=True)
+    console.print("Repeat the analysis, with the same modes and alarm to the last digit:", soft_wrap=True)
+    console.print("                     ", f"{program_path('modalwatch')} replay {report.log}", soft_wrap=True)
     console.print("All results:         ", f"{out}/answer.json", soft_wrap=True)
+
+
+def program_path(name: str) -> str:
+    """Return a program of this environment as it can be called here: by its name alone, if that finds it."""
+    path = Path(sys.executable).parent / name
+    if which(name) == str(path) or not path.is_file():
+        return name
+    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)

@@ -37,9 +37,9 @@ def fleet(
         raise ArgumentError("--web-port", f"expected 1 to 65535, found {port}")
     if "://" not in target and path.suffix != ".toml":
         known = "postgresql://USER@HOST/NAME, mqtt://HOST/TOPIC or FLEET.toml"
-        raise ArgumentError("TARGET", f"expected {known}, found {target!r}")
+        raise ArgumentError("ADDRESS", f"expected {known}, found {target!r}")
     if is_mqtt and not is_broker(target):
-        raise ArgumentError("TARGET", "expected mqtt://HOST/TOPIC, without wildcards")
+        raise ArgumentError("ADDRESS", "expected mqtt://HOST/TOPIC, without wildcards")
     if "://" in target:
         settings = FleetSettings(mqtt=SecretStr(target)) if is_mqtt else FleetSettings(url=SecretStr(target))
     else:

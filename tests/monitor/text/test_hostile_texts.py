@@ -54,6 +54,20 @@ def test_error_of_a_bare_word_in_toml_names_the_quotes(text: str, hint: str) -> 
         parse_toml(text)
 
 
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("a = 1\nb = 0,3", r"line 2, column 6\): the decimal sign is a point$"),
+        ("a = -1,5e3", r": the decimal sign is a point$"),
+        ("a = 1 b = 2", r"column 7\)$"),
+        ('a = "x", 2', r"column 8\)$"),
+    ],
+)
+def test_error_of_a_comma_in_a_number_of_toml_names_the_point(text: str, hint: str) -> None:
+    with pytest.raises(ValueError, match="^Expected newline .*" + hint):
+        parse_toml(text)
+
+
 @pytest.mark.parametrize("text", ["[" * 30_000, "[" * 200 + "]" * 200, "1" * 6000, "1" * 40, '{"a":' * 900])
 def test_too_deep_or_too_large_json_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"nested up to|64 bits|digits|Expecting"):

@@ -60,6 +60,7 @@ ROOT = Path(__file__).parents[3]
         ),
         ("elements = 37\n", "", "member column: elements is missing"),
         ("elements = 37", "elements = 0", "member.0.elements of column: Input should be greater"),
+        ("direction = [1, 0, 0]", 'direction = "x"', "Input should be a list in brackets, found 'x'"),
         (
             "shear_modulus = 80.8e9",
             "poisson_ratio = 0.7",

@@ -215,7 +215,10 @@ def test_monitor_that_stops_becomes_stale(database: Server, tmp_path: Path, monk
     ("target", "says"),
     [
         ("postgresql://me:secret@127.0.0.1:1/none", "error: postgresql://127.0.0.1:1/none: "),
-        ("nonsense", "TARGET: expected postgresql://USER@HOST/NAME, mqtt://HOST/TOPIC or FLEET.toml, found 'nonsense'"),
+        (
+            "nonsense",
+            "ADDRESS: expected postgresql://USER@HOST/NAME, mqtt://HOST/TOPIC or FLEET.toml, found 'nonsense'",
+        ),
         ("oracle9://me:secret@h/x", "expected sqlite:///FILE or postgresql://USER@HOST/NAME"),
         ("sqlite:///history.sqlite", "expected postgresql://USER@HOST/NAME: a file holds one site"),
         ("nowhere.toml", "nowhere.toml: cannot be read"),
