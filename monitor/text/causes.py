@@ -384,6 +384,7 @@ def _without_size(cause: FittedCause) -> str:
 
 MARK = "*"  #: mark of a mode that is not `compared`
 NOT_COMPARED = "not used: no confident match in the reference"
+_AGREES_PERCENT = 1.0  # difference of the frequencies of a mode, measured and of the model with the causes
 
 
 def unmeasured_text(found: DiscrepancyResult) -> str:
@@ -396,15 +397,26 @@ def unmeasured_text(found: DiscrepancyResult) -> str:
 
 
 def lost_modes_text(found: DiscrepancyResult) -> str:
-    """Return which modes of the reference logs the current ones lack, and the remedy; empty for none."""
+    """Return which modes of the reference logs the current ones lack, and the remedy; empty for none.
+
+    New modes that the model with the causes has may be the same, changed beyond recognition.
+    """
     lost = [mode.simulated for mode in found.listed if mode.measured is None and mode.simulated is not None]
     if not lost or not found.measured_before:
         return ""
-    names = ", ".join(f"{value:.4g}" for value in lost)
+    absent = f"{counted(len(lost), 'mode')} of the reference logs not found in the current ones ({_hertz(lost)})"
+    new = [mode for mode in found.listed if mode.simulated is None and mode.measured is not None]
+    agreeing = [mode.measured for mode in new if abs(mode.off_percent_after or math.inf) < _AGREES_PERCENT]
+    if len(agreeing) >= len(lost):
+        return f"{absent}: the model with the causes has them at {_hertz(agreeing)}, as measured now."
     return (
-        f"{counted(len(lost), 'mode')} of the reference logs not found in the current ones ({names} Hz): the answer "
-        "does not use their changes. Repeat with windows twice as long (--window), or record longer."
+        f"{absent}: the answer does not use their changes. Repeat with windows twice as long (--window), or record "
+        "longer."
     )
+
+
+def _hertz(frequencies: Sequence[float | None]) -> str:
+    return ", ".join(f"{value:.4g}" for value in frequencies if value is not None) + " Hz"
 
 
 def _range_text(frequencies: Sequence[float]) -> str:

@@ -9,9 +9,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from updater.causes import CATALOGUE, AddedMass, CommonFactor, LocalStiffness, SelectedCause, Springs
 from updater.diagnosis.case import Case, DiagnosisResult, RecalibratedModel
-from updater.diagnosis.combinations import common
+from updater.diagnosis.combinations import Compositions, common
 from updater.diagnosis.gain import (
     Gained,
     WindowModes,
@@ -406,9 +408,10 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
     ----------
     searched : log evidence of the best, as `case.singles` have theirs
     """
+    best, data = _with_displaced_modes(case, found[0])
+    found = [best, *found[1:]]
     named, sure, left_open = named_causes(case.data, found, SURE, case.weighing.log_nothing)
-    best = found[0]
-    chosen, data = _with_all_modes(case, agreeing(case.data, best.chosen))
+    chosen, data = _with_all_modes(case, data, agreeing(data, best.chosen))
     chosen = as_reported(data, chosen, best)
     chosen = (*chosen, *drift_beside(data, chosen, case.weighing.cause(_DRIFT)))
     calibration = case.reference.file.calibration
@@ -488,18 +491,39 @@ def _smallest(case: Case, chosen: Sequence[SelectedCause]) -> tuple[SmallestChan
     return found or ()
 
 
-def _with_all_modes(case: Case, chosen: tuple[SelectedCause, ...]) -> tuple[tuple[SelectedCause, ...], Comparison]:
+def _with_displaced_modes(case: Case, best: Candidate) -> tuple[Candidate, Comparison]:
+    """Return an explanation fitted also to modes that only it identifies, with its former evidence, and these data.
+
+    Unchanged if there are none, or if it does not fit with them.
+    """
+
+    def refitted() -> tuple[Candidate, Comparison]:
+        mesh_error, lost = case.reference.calibration.mesh_error, np.setdiff1d(case.reference.paired, case.data.paired)
+        more = with_further_modes(case.data, mesh_error, case.event, case.measured.every, best.chosen, displaced=lost)
+        if more is case.data:
+            return best, more
+        found = Compositions(replace(case.weighing, data=more)).coordinate_fit(best.chosen)
+        if found is None or not fits(found):
+            return best, case.data
+        return replace(found, log_evidence=best.log_evidence), more  # others are fitted without these modes
+
+    if case.data.nominal is not None:  # the model was recalibrated to these very modes
+        return best, case.data
+    return case.weighing.faults.attempt("modes that moved far", refitted) or (best, case.data)
+
+
+def _with_all_modes(
+    case: Case, data: Comparison, chosen: tuple[SelectedCause, ...]
+) -> tuple[tuple[SelectedCause, ...], Comparison]:
     """Return causes as they agree with all modes that were measured, those included that the baseline lacks."""
 
     def refitted() -> tuple[tuple[SelectedCause, ...], Comparison]:
-        more = with_further_modes(
-            case.data, case.reference.calibration.mesh_error, case.event, case.measured.every, chosen
-        )
-        return (chosen if more is case.data else agreeing(more, chosen)), more
+        more = with_further_modes(data, case.reference.calibration.mesh_error, case.event, case.measured.every, chosen)
+        return (chosen if more is data else agreeing(more, chosen)), more
 
     if case.data.nominal is not None:  # the model was recalibrated to these very modes
-        return chosen, case.data
-    return case.weighing.faults.attempt("modes that the reference lacks", refitted) or (chosen, case.data)
+        return chosen, data
+    return case.weighing.faults.attempt("modes that the reference lacks", refitted) or (chosen, data)
 
 
 def _next(case: Case, left_open: list[Candidate]) -> Separation | None:

@@ -6,6 +6,10 @@ parameters that compensate for it predict that record better, although they are 
 A change may excite a mode that was not measured before, such as a twist that an eccentric body couples to bending.
 Until the causes are known, its counterpart in the model is unknown. Its frequency is then compared with the model's
 own, whose error counts.
+
+A change may also move a mode so far that it is not recognized: a clamped foot that yields lowers a mode to a third
+of its frequency. Once causes are found, the changed model identifies such a mode by its shape, although the parameters,
+fitted without it, do not yet predict its frequency.
 """
 
 from collections.abc import Sequence
@@ -14,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from daq import FloatArray, IndexArray
+from daq import BoolArray, FloatArray, IndexArray
 from oma import mac_matrix
 from updater.causes import (
     CATALOGUE,
@@ -38,6 +42,8 @@ from updater.structure import Structure, rounded, simplified, with_few_digits
 _SHARE = 0.2  # of the model error of frequencies: five times as close
 _NEAR = 0.03  # ln f between measured and predicted modes that may be the same
 _ALIKE = 0.8  # MAC, likewise
+_FAR = 0.5  # ln f between modes that are the same by their shapes alone
+_SAME_SHAPE = 0.9  # MAC of these, if no other is similar
 _SIGNIFICANT = 3.0  # standard deviations of a drift that is kept
 
 
@@ -118,7 +124,13 @@ def drift_beside(data: Comparison, chosen: Sequence[SelectedCause], factor: Caus
 
 
 def with_further_modes(
-    data: Comparison, mesh_error: FloatArray, event: ModalMean, every: ModalMean, chosen: tuple[SelectedCause, ...]
+    data: Comparison,
+    mesh_error: FloatArray,
+    event: ModalMean,
+    every: ModalMean,
+    chosen: tuple[SelectedCause, ...],
+    *,
+    displaced: IndexArray | None = None,
 ) -> Comparison:
     """Return data with the measured modes that the baseline lacks and the model has, once causes act on it.
 
@@ -129,11 +141,13 @@ def with_further_modes(
     event : (n_tracks,) in the order of the baseline's tracks
     every : (n_modes,) all modes measured, in any order
     chosen : causes that are found
+    displaced : modes of the reference that are sought by their shapes, farther from the predicted frequencies than the
+        others, which are then left out
     """
     if data.circumstances.trend is not None or not np.isfinite(every.shape).all():
         return data
     others = every.only(np.flatnonzero(~np.isin(every.log_frequency, event.log_frequency)))
-    measured, modes = _answers(data, chosen, others.at(data.channels))
+    measured, modes = _answers(data, chosen, others.at(data.channels), displaced)
     if not len(measured):
         return data
     log_ratio = others.log_frequency[measured] - np.log(data.frequency[modes])
@@ -141,20 +155,38 @@ def with_further_modes(
     return data.with_frequencies(modes, log_ratio, std)
 
 
-def _answers(data: Comparison, chosen: tuple[SelectedCause, ...], others: ModalMean) -> tuple[IndexArray, IndexArray]:
+def _answers(
+    data: Comparison, chosen: tuple[SelectedCause, ...], others: ModalMean, displaced: IndexArray | None
+) -> tuple[IndexArray, IndexArray]:
     """Return modes measured (n,) and the modes of the reference (n,) that have become these by the causes."""
     changed = reanalyse(data, effect_of(chosen))
     value, vector, weighed = changed.value[0], changed.vector[0], changed.weighed[0]
     n_modes = len(data.frequency)
     log_frequency = -0.5 * np.log(value) - np.log(2 * np.pi)
     mac = mac_matrix(others.shape, (data.at_channels @ vector[:n_modes]).T)
-    alike = (mac > _ALIKE) & (np.abs(others.log_frequency[:, None] - log_frequency) < _NEAR)
+    off = np.abs(others.log_frequency[:, None] - log_frequency)
+    alike = (mac > _ALIKE) & (off < _NEAR) if displaced is None else _same_shapes(mac, off)
     alike[:, changed.pick[0]] = False
     found = np.argmax(np.where(alike, mac, -1.0), axis=1)
     measured = np.flatnonzero(alike.any(1))
     modes = np.argmax((vector * weighed)[:n_modes, found[measured]], axis=0)
     fresh = ~np.isin(modes, data.paired) & (np.bincount(modes, minlength=n_modes)[modes] == 1)
+    if displaced is not None:
+        fresh &= np.isin(modes, displaced)
     return measured[fresh], modes[fresh]
+
+
+def _same_shapes(mac: FloatArray, off: FloatArray) -> BoolArray:
+    """Return pairs (n_measured, n_modes) off by more than 3 % whose shapes are the same, and not similar to any other.
+
+    Parameters
+    ----------
+    mac : (n_measured, n_modes) of measured and predicted modes
+    off : likewise, difference of ln f
+    """
+    similar = (mac > _ALIKE) & (off < _FAR)
+    alone = (similar.sum(1, keepdims=True) == 1) & (similar.sum(0) == 1)
+    return np.asarray(similar & alone & (mac > _SAME_SHAPE) & (off > _NEAR), bool)
 
 
 def extended_structure(
