@@ -15,6 +15,7 @@ from updater.inference import (
     Fit,
     LinearInCompliance,
     Prediction,
+    Rescaled,
     effects_of,
     picked,
     predict,
@@ -136,6 +137,13 @@ class JointHypothesis(Generic[C]):
     def refined(self, log_density: FloatArray, theta: FloatArray) -> "JointHypothesis[C] | None":
         """Refine the free one."""
         closer = self.free.refined(log_density, theta[:, : len(self.free.prior_std)])
+        return None if closer is None else replace(self, free=closer, start_neutral=False)
+
+    def rescaled(self, log_density: FloatArray, theta: FloatArray) -> "JointHypothesis[C] | None":
+        """Rescale the free one."""
+        if not isinstance(self.free, Rescaled):
+            return None
+        closer = self.free.rescaled(log_density, theta[:, : len(self.free.prior_std)])
         return None if closer is None else replace(self, free=closer, start_neutral=False)
 
     def of_free(self, fit: "Fit[JointHypothesis[C]]") -> Fit[C]:

@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from daq import IndexArray
 from updater.causes import CATALOGUE, AddedMass, CommonFactor, LocalStiffness, SelectedCause, Springs
 from updater.diagnosis.case import Case, DiagnosisResult, RecalibratedModel
 from updater.diagnosis.combinations import Compositions, common
@@ -498,8 +499,8 @@ def _with_displaced_modes(case: Case, best: Candidate) -> tuple[Candidate, Compa
     """
 
     def refitted() -> tuple[Candidate, Comparison]:
-        mesh_error, lost = case.reference.calibration.mesh_error, np.setdiff1d(case.reference.paired, case.data.paired)
-        more = with_further_modes(case.data, mesh_error, case.event, case.measured.every, best.chosen, displaced=lost)
+        lost = np.setdiff1d(case.reference.paired, case.data.paired)
+        more = _with_further_modes(case, case.data, best.chosen, displaced=lost)
         if more is case.data:
             return best, more
         found = Compositions(replace(case.weighing, data=more)).coordinate_fit(best.chosen)
@@ -518,12 +519,22 @@ def _with_all_modes(
     """Return causes as they agree with all modes that were measured, those included that the baseline lacks."""
 
     def refitted() -> tuple[tuple[SelectedCause, ...], Comparison]:
-        more = with_further_modes(data, case.reference.calibration.mesh_error, case.event, case.measured.every, chosen)
+        more = _with_further_modes(case, data, chosen)
         return (chosen if more is data else agreeing(more, chosen)), more
 
     if case.data.nominal is not None:  # the model was recalibrated to these very modes
         return chosen, data
     return case.weighing.faults.attempt("modes that the reference lacks", refitted) or (chosen, data)
+
+
+def _with_further_modes(
+    case: Case, data: Comparison, chosen: tuple[SelectedCause, ...], *, displaced: IndexArray | None = None
+) -> Comparison:
+    """Return data with further measured modes, as `with_further_modes`."""
+    reference = case.reference
+    error = MODEL_ERROR * reference.model_error_factor
+    every, mesh_error = case.measured.every, reference.calibration.mesh_error
+    return with_further_modes(data, mesh_error, error, case.event, every, chosen, displaced=displaced)
 
 
 def _next(case: Case, left_open: list[Candidate]) -> Separation | None:

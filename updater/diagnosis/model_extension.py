@@ -126,6 +126,7 @@ def drift_beside(data: Comparison, chosen: Sequence[SelectedCause], factor: Caus
 def with_further_modes(
     data: Comparison,
     mesh_error: FloatArray,
+    model_error: float,
     event: ModalMean,
     every: ModalMean,
     chosen: tuple[SelectedCause, ...],
@@ -138,6 +139,7 @@ def with_further_modes(
     ----------
     data : the event compared with the baseline
     mesh_error : (n_modes,) relative error of the reference's frequencies by its mesh
+    model_error : of the reference at any point, relative to a mode's typical displacement
     event : (n_tracks,) in the order of the baseline's tracks
     every : (n_modes,) all modes measured, in any order
     chosen : causes that are found
@@ -152,7 +154,8 @@ def with_further_modes(
         return data
     log_ratio = others.log_frequency[measured] - np.log(data.frequency[modes])
     std = np.hypot(others.log_frequency_std[measured], np.hypot(FREQUENCY_STD, mesh_error[modes]))
-    return data.with_frequencies(modes, log_ratio, std)
+    by_model = 2 * np.hypot(model_error, mesh_error[modes]) * np.abs(log_ratio)
+    return data.with_frequencies(modes, log_ratio, std, by_model)
 
 
 def _answers(

@@ -12,6 +12,7 @@ from updater.inference.laplace_fit import BoolArray as BoolArray
 from updater.inference.laplace_fit import Fit as Fit
 from updater.inference.laplace_fit import Hypotheses as Hypotheses
 from updater.inference.laplace_fit import LinearInCompliance as LinearInCompliance
+from updater.inference.laplace_fit import Rescaled as Rescaled
 from updater.inference.laplace_fit import effects_of as effects_of
 from updater.inference.laplace_fit import evaluate as evaluate
 from updater.inference.laplace_fit import fit as fit

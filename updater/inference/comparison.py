@@ -200,16 +200,19 @@ class Comparison:
         """Part (n, n) of it by errors of the reference."""
         return np.diag(self.model_variance) + np.outer(self.mesh_deviation, self.mesh_deviation)
 
-    def with_frequencies(self, modes: IndexArray, log_ratio: FloatArray, std: FloatArray) -> "Comparison":
+    def with_frequencies(
+        self, modes: IndexArray, log_ratio: FloatArray, std: FloatArray, model_std: FloatArray
+    ) -> "Comparison":
         """Return the same with frequencies of further modes, of which shapes, phases and damping are not compared.
 
         Parameters
         ----------
         modes : (k,) of the reference
         log_ratio, std : (k,) of their frequencies to the reference's own, and its standard deviation
+        model_std : (k,) standard deviation of the predicted change by errors of the reference
         """
         k, n = len(modes), len(self.paired)
-        plain, drifting = whiteners_of(block_diag(self.frequency_covariance, np.diag(std**2)))
+        plain, drifting = whiteners_of(block_diag(self.frequency_covariance, np.diag(std**2 + model_std**2)))
         shape = self.at_channels[:, modes].T
         shape = shape / np.linalg.norm(shape, axis=1, keepdims=True)
         whitener = np.zeros((n + k, *self.shape_whitener.shape[1:]))
@@ -221,7 +224,7 @@ class Comparison:
             "paired": modes,
             "log_ratio": log_ratio,
             "log_frequency_std": std,
-            "model_variance": np.zeros(k),
+            "model_variance": model_std**2,
             "mesh_error": np.zeros(k),
             "mesh_deviation": np.zeros(k),
             "shaped": np.zeros(k, bool),

@@ -23,6 +23,7 @@ _CAUTION = 0.5
 _REACH = (1000.0, 300.0, 60.0, 60.0, 60.0, 60.0)
 _REACH_NEAR = (60.0, 30.0, 30.0, 30.0, 30.0, 30.0)  # likewise, of alternatives that begin near their best
 _FEW = 150  # alternatives that are continued after the first step: those with the best predictions
+_RESCALED = 6  # fits of refined alternatives: their prior's order converges, unless another alternative is best in turn
 _HOPELESS = 300.0  # of chi-square over the best: alternatives that begin near their best are not fitted
 _SHARE = 0.01  # of the chance that a right cause is refused: for its frequencies alone, which many shapes would drown
 _PATIENCE = 3  # exchanges without fewer wrong parameters, after which they are exchanged one by one
@@ -104,6 +105,20 @@ class HasEffect(Protocol):
 
 #: a cause of a joint hypothesis, the columns of its parameters, and its alternative (n,) in each joint one
 Part = tuple[HasEffect, slice, IndexArray]
+
+
+@runtime_checkable
+class Rescaled(Protocol):
+    """Alternatives whose prior follows the order of the change, once they are refined."""
+
+    def rescaled(self, log_density: FloatArray, theta: FloatArray) -> Self | None:
+        """Return the same with a prior of the order of the best change; None if they have it.
+
+        Parameters
+        ----------
+        log_density : (n_alternatives,) log evidence of each
+        theta : (n_alternatives, n_parameters) the best of each
+        """
 
 
 @runtime_checkable
@@ -194,9 +209,14 @@ def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True, start: Fl
 
 
 def refined_fit(comparison: Comparison, found: Fit[H]) -> Fit[H]:
-    """Fit refined alternatives after the first ones; return the fit of these if there are none."""
+    """Fit refined alternatives after the first ones, with a prior of their order; return the last fit."""
     closer = found.hypotheses.refined(found.log_density, found.theta)
-    return found if closer is None else _fit(comparison, closer, closer.start, near=True)
+    for _ in range(_RESCALED):
+        if closer is None:
+            break
+        found = _fit(comparison, closer, closer.start, near=True)
+        closer = closer.rescaled(found.log_density, found.theta) if isinstance(closer, Rescaled) else None
+    return found
 
 
 @dataclass(eq=False)

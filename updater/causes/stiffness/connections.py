@@ -36,7 +36,11 @@ LOOSE = 0.1  #: prior standard deviation of c E I / L, and of a parameter: a con
 _SOFTER = 10.0  # likewise of a bearing, of its own flexibility
 _GIVES = 1e-2  # and at least of c E I / L^3
 _LARGE = 2.0  # times the prior standard deviation, which a Gaussian prior permits in 5 % of cases
-_ORDERS = 1e-3, 10.0  # range of the order of a parameter, over that: hardly visible to a hinge
+_ORDERS = 1e-3, 300.0  # range of the order of a parameter, over that: hardly visible to a hinge
+_FAR = 10.0  # times the order of the prior of a fit: largest order
+_HINGE = 10.0  # parameter where a fit begins that ends near a hinge: nine tenths of the way
+_LIKELY = 150.0  # of log evidence below the best alternative: those that also begin there
+_SAME_ORDER = 0.2  # logarithm of the ratio of two orders of a prior that make no difference
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,7 +49,8 @@ class Springs(Discrete):
 
     Alternatives are the possibly changed axes of each connection, singly and together: an unchanged axis, or one
     without effect on the data, must not affect the evidence. Each is there twice, started from no change and from the
-    frequencies to first order: where modes cross on the way, one of them may not converge. A free axis starts with the
+    frequencies to first order: where modes cross on the way, one of them may not converge. Once refined, each is there
+    once. A free axis starts with the
     stiffness of the member, because only there its stiffness moves a mode.
     """
 
@@ -83,8 +88,9 @@ class Springs(Discrete):
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the correction of the evidence for a change of any order: the same about all axes, as of one loss."""
-        least, most = np.multiply(_ORDERS, LOOSE)
-        found = common_magnitude(theta, covariance, gaussian=float(self.prior_std[0]), least=least, most=most)
+        gaussian = float(self.prior_std[0])  # much larger orders would be extrapolated
+        least, most = _ORDERS[0] * LOOSE, min(_ORDERS[1] * LOOSE, _FAR * gaussian)
+        found = common_magnitude(theta, covariance, gaussian=gaussian, least=least, most=most)
         return found + self.opening(theta, rows)
 
     def opening(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
@@ -129,13 +135,57 @@ class Springs(Discrete):
         """Return the same with a prior of the order of the best change, if that is larger than usual.
 
         The evidence has a prior of unknown order in any case. The usual Gaussian prior of the fit pulls a large change
-        towards zero, and leaves a residual in the frequencies and shapes.
+        towards zero, and leaves a residual in the frequencies and shapes. On the way to a hinge modes cross, where a
+        fit may end: likely alternatives also begin with a hinge about each of their axes.
         """
-        best = int(np.argmax(log_density + self.log_prior))
-        order = float(np.sqrt(np.mean(theta[best, self.active[best]] ** 2)))
-        if order <= _LARGE * self.prior_std[0]:
+        if self._order(log_density, theta) <= _LARGE * self.prior_std[0]:
             return None
-        return replace(self, prior_std=np.full(3, min(order, _ORDERS[1] * LOOSE)), begun=theta)
+        once = self._best_of_each(log_density)
+        likely = once[log_density[once] > log_density.max() - _LIKELY]
+        rows, begun = [once], [theta[once]]
+        for a in range(3):
+            turning = likely[self.active[likely, a]]
+            rows.append(turning)
+            begun.append(theta[turning])
+            begun[-1][:, a] = np.maximum(begun[-1][:, a], _HINGE)
+        return self._only(np.concatenate(rows), np.concatenate(begun), _HINGE)
+
+    def rescaled(self, log_density: FloatArray, theta: FloatArray) -> Self | None:
+        """Return every alternative once, with a prior of the order of the best change."""
+        order, rows = self._order(log_density, theta), self._best_of_each(log_density)
+        if len(rows) == len(theta) and abs(np.log(order / self.prior_std[0])) < _SAME_ORDER:
+            return None
+        return self._only(rows, theta[rows], order)
+
+    def _order(self, log_density: FloatArray, theta: FloatArray) -> float:
+        """Return the root mean square of the parameters of the best alternative, at least the usual deviation."""
+        best = int(np.argmax(log_density + self.log_prior))
+        order = np.sqrt(np.mean(theta[best, self.active[best]] ** 2))
+        return float(np.clip(order, LOOSE, _ORDERS[1] * LOOSE))
+
+    def _best_of_each(self, log_density: FloatArray) -> IndexArray:
+        """Return the most probable row of each alternative, which is there once for each start of its fit."""
+        first: dict[tuple[int, tuple[Axis, Axis, Axis], tuple[bool, ...]], int] = {}
+        for row in np.argsort(-log_density, kind="stable").tolist():
+            key = id(self.connections[row]), self.axes[row], tuple(self.active[row].tolist())
+            first.setdefault(key, row)
+        return np.sort(np.array(list(first.values()), np.intp))
+
+    def _only(self, rows: IndexArray, begun: FloatArray, order: float) -> Self:
+        """Return some rows, whose fit begins elsewhere, with a prior of another order."""
+        return replace(
+            self,
+            prior_std=np.full(3, order),
+            lower=self.lower[rows],
+            connections=tuple(self.connections[row] for row in rows),
+            axes=tuple(self.axes[row] for row in rows),
+            active=self.active[rows],
+            before_std=self.before_std[rows],
+            rigid=self.rigid[rows],
+            unit=self.unit[rows],
+            couple=self.couple[rows],
+            begun=begun,
+        )
 
     def where(self, fit: Fit[Cause]) -> Where:
         """Return the node."""
@@ -145,15 +195,15 @@ class Springs(Discrete):
 
     def deviations(self, fit: Fit[Cause]) -> float:
         """Return the change of the most changed spring in standard deviations."""
-        std = np.sqrt(np.diagonal(fit.covariance[fit.best]))
-        return float(np.max(np.abs(fit.theta[fit.best]) / std, where=self.active[fit.best], initial=0.0))
+        return float(np.max(_deviations(fit), where=self.active[fit.best], initial=0.0))
 
     def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the stiffness about or along each axis with a significant change."""
         found = {}
+        deviations = _deviations(fit)
         for a, axis, now in self._now(self.connections[fit.best], fit.best, fit.theta[fit.best]):
             own = float(fit.covariance[fit.best, a, a] ** 0.5)
-            if abs(fit.theta[fit.best, a]) < SIGNIFICANT * own:
+            if deviations[a] < SIGNIFICANT:
                 continue
             by_mesh = fit.theta[fit.best, a] * self.comparison.size_error  # of the compliance that is added
             more = float(np.hypot(own, by_mesh)) / self.unit[fit.best, a]
@@ -240,6 +290,16 @@ class Springs(Discrete):
             for a, axis in enumerate(self.axes[row])
             if self.active[row, a]
         ]
+
+
+def _deviations(fit: Fit[Cause]) -> FloatArray:
+    """Return the changes (3,) of the best alternative in standard deviations, as they act on the modes.
+
+    A spring that is much softer than its member is nearly a hinge. Its effect t / (1 + t) is certain where its
+    flexibility t, of which the modes depend little, is not.
+    """
+    theta = fit.theta[fit.best]
+    return np.abs(theta) * (1 + np.maximum(theta, 0.0)) / np.sqrt(np.diagonal(fit.covariance[fit.best]))
 
 
 #: feet and joints of a structure by the cause that changes their stiffness
