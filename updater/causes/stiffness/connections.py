@@ -37,6 +37,7 @@ _SOFTER = 10.0  # likewise of a bearing, of its own flexibility
 _GIVES = 1e-2  # and at least of c E I / L^3
 _LARGE = 2.0  # times the prior standard deviation, which a Gaussian prior permits in 5 % of cases
 _ORDERS = 1e-3, 300.0  # range of the order of a parameter, over that: hardly visible to a hinge
+_WIDER = 3.0  # times the size of a large change: standard deviation of its prior, which then hardly pulls it
 _FAR = 10.0  # times the order of the prior of a fit: largest order
 _HINGE = 10.0  # parameter where a fit begins that ends near a hinge: nine tenths of the way
 _LIKELY = 150.0  # of log evidence below the best alternative: those that also begin there
@@ -138,7 +139,7 @@ class Springs(Discrete):
         towards zero, and leaves a residual in the frequencies and shapes. On the way to a hinge modes cross, where a
         fit may end: likely alternatives also begin with a hinge about each of their axes.
         """
-        if self._order(log_density, theta) <= _LARGE * self.prior_std[0]:
+        if self._size(log_density, theta) <= _LARGE * self.prior_std[0]:
             return None
         once = self._best_of_each(log_density)
         likely = once[log_density[once] > log_density.max() - _LIKELY]
@@ -152,16 +153,16 @@ class Springs(Discrete):
 
     def rescaled(self, log_density: FloatArray, theta: FloatArray) -> Self | None:
         """Return every alternative once, with a prior of the order of the best change."""
-        order, rows = self._order(log_density, theta), self._best_of_each(log_density)
+        order = float(np.clip(_WIDER * self._size(log_density, theta), LOOSE, _ORDERS[1] * LOOSE))
+        rows = self._best_of_each(log_density)
         if len(rows) == len(theta) and abs(np.log(order / self.prior_std[0])) < _SAME_ORDER:
             return None
         return self._only(rows, theta[rows], order)
 
-    def _order(self, log_density: FloatArray, theta: FloatArray) -> float:
-        """Return the root mean square of the parameters of the best alternative, at least the usual deviation."""
+    def _size(self, log_density: FloatArray, theta: FloatArray) -> float:
+        """Return the root mean square of the parameters of the best alternative."""
         best = int(np.argmax(log_density + self.log_prior))
-        order = np.sqrt(np.mean(theta[best, self.active[best]] ** 2))
-        return float(np.clip(order, LOOSE, _ORDERS[1] * LOOSE))
+        return float(np.sqrt(np.mean(theta[best, self.active[best]] ** 2)))
 
     def _best_of_each(self, log_density: FloatArray) -> IndexArray:
         """Return the most probable row of each alternative, which is there once for each start of its fit."""
@@ -299,7 +300,8 @@ def _deviations(fit: Fit[Cause]) -> FloatArray:
     flexibility t, of which the modes depend little, is not.
     """
     theta = fit.theta[fit.best]
-    return np.abs(theta) * (1 + np.maximum(theta, 0.0)) / np.sqrt(np.diagonal(fit.covariance[fit.best]))
+    std = np.sqrt(np.diagonal(fit.covariance[fit.best]))
+    return np.asarray(np.abs(theta) * (1 + np.maximum(theta, 0.0)) / std)
 
 
 #: feet and joints of a structure by the cause that changes their stiffness
