@@ -16,7 +16,7 @@ from updater.causes import AddedMass, SelectedCause, propose_added_mass
 from updater.diagnosis.combinations import Compositions, likeliest_pair
 from updater.diagnosis.places import by_place
 from updater.diagnosis.relaxation import relaxed_with_body
-from updater.diagnosis.search import exchanged
+from updater.diagnosis.search import evenly_refined, exchanged
 from updater.diagnosis.weighing import Candidate, EvidenceComparison
 from updater.inference import Fit, compare
 
@@ -201,10 +201,9 @@ def test_two_bodies_and_a_loss_are_found_where_the_loss_alone_is_elsewhere() -> 
     assert found.p_value > 0.03
 
 
-def test_cause_that_imitated_another_one_is_exchanged(
-    learnt: tuple[Reference, Model], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Two bodies and a wrong gain, of which one body was taken for a second wrong gain. Either gain leads to them."""
+@pytest.fixture(scope="module")
+def three_causes(learnt: tuple[Reference, Model]) -> tuple[EvidenceComparison, Candidate]:
+    """Return two bodies and a wrong gain, and their fit with a second wrong gain in the place of a body."""
     reference, bare = learnt
     gain = GAIN.copy()
     gain[3] = 1.15
@@ -217,6 +216,14 @@ def test_cause_that_imitated_another_one_is_exchanged(
     wrong = Compositions(weighing).coordinate_fit((sensor, body, sensor))
     assert wrong is not None
     assert sorted(wrong.names) == ["added_mass", "sensor_gain", "sensor_gain"]
+    return weighing, wrong
+
+
+def test_cause_that_imitated_another_one_is_exchanged(
+    three_causes: tuple[EvidenceComparison, Candidate], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Either wrong gain leads to the two bodies."""
+    weighing, wrong = three_causes
     more = Compositions(weighing).exchanged(wrong)
     best = max(more, key=lambda c: c.log_evidence)
     assert [sorted(c.names) for c in more].count(sorted(best.names)) == 2
@@ -227,3 +234,19 @@ def test_cause_that_imitated_another_one_is_exchanged(
     assert best.p_value > 0.01
     assert [c.row for c in best.chosen if c.cause.name == "sensor_gain"] == [3]
     assert [c.theta[0] for c in best.chosen if c.cause.name == "added_mass"] == pytest.approx([0.1, 0.1], abs=0.02)
+
+
+def test_explanations_that_are_the_same_when_refined_count_once(
+    three_causes: tuple[EvidenceComparison, Candidate],
+) -> None:
+    """The second one begins with both bodies two places farther; a less probable one is not refined."""
+    weighing, wrong = three_causes
+    best = max(Compositions(weighing).exchanged(wrong), key=lambda c: c.log_evidence)
+    moved = tuple(replace(c, row=c.row + 2) if c.cause.name == "added_mass" else c for c in best.chosen)
+    other = replace(best, chosen=moved, log_evidence=best.log_evidence - 2)
+    far = replace(other, log_evidence=best.log_evidence - 20)
+    found = evenly_refined(weighing, [best, other, far])
+    assert len(found) == 2
+    assert found[0].log_evidence >= best.log_evidence
+    assert found[1] is far
+    assert evenly_refined(weighing, [best, far]) == [best, far]
