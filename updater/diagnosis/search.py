@@ -41,7 +41,9 @@ _NO_EFFECT = 5.0  # of log evidence lost by a second body: 7 to 9 where there is
 _LESS = 0.71
 _MASSES = {"added_mass", "distributed_mass"}  # causes that are masses
 _MAX = 3  # causes at once, in addition to the parameters of a file
-_SAME_PREDICTION = 1.0  # squared distance of predictions of one explanation that is found twice, in standard deviations
+# squared distance, in standard deviations, of predictions of one explanation that is found twice: turns of a fit end
+# where log evidence grows by less than half of it
+_SAME_PREDICTION = 2.0
 _NEARLY = 4.0  # of log evidence below the best: a share of 2 %, which refinement may increase to one worth naming
 _EXCHANGED = 3  # causes from which one of them is exchanged: pairs are sought from several single causes
 
