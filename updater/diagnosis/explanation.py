@@ -63,6 +63,7 @@ from updater.diagnosis.schema import Cause, Diagnosis, Failed, NextMeasurement, 
 from updater.diagnosis.search import (
     beside_the_file,
     closer,
+    evenly_refined,
     exchanged,
     fits,
     judged,
@@ -189,7 +190,7 @@ class _Question:
             if assumed is not None:
                 case = self._with_learned_error(case, found[0], assumed)
             case, found = judged(case, found, self._compared_with(case.reference))
-            found = exchanged(case.weighing, found)
+            found = evenly_refined(case.weighing, exchanged(case.weighing, found))
             if revised := self._revised(case, found[0], good):
                 return revised
             found, needed = _with_fewest(case, found, good)

@@ -109,20 +109,28 @@ def named_causes(
 
 
 def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
-    """Return whether the data cannot separate two causes' best predictions; a drift that both allow is ignored."""
+    """Return whether the data cannot separate two causes' best predictions."""
     if one.names == other.names:
         return False  # at another place
     if any(has_unobserved_mode(part.cause) for c in (one, other) for part in c.chosen):
         return False  # on a stiff spring it is a body: their priors decide
     if _at_one_connection(one, other):
         return True
+    return separation(data, one, other) < _SEPARATE
+
+
+def separation(data: Comparison, one: "Candidate", other: "Candidate") -> float:
+    """Return the squared distance of two candidates' best predictions in standard deviations of the data [-].
+
+    A drift that both allow is ignored. The distance is infinite where only one has a new mode as evidence.
+    """
     predicted = [prediction(data, c.chosen) for c in (one, other)]
     if data.new is not None and len({p.new_frequency.shape[1] for p in predicted}) > 1:
-        return False  # one of them has a new mode as evidence
+        return np.inf
     both = all(any(part.cause.drifting for part in c.chosen) for c in (one, other))
     whitener = data.drifting if both else data.plain
     first, second = (residual(data, p, whitener) for p in predicted)
-    return bool(((first - second) ** 2).sum() < _SEPARATE)
+    return float(((first - second) ** 2).sum())
 
 
 def _at_one_connection(one: "Candidate", other: "Candidate") -> bool:

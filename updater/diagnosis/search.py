@@ -18,7 +18,7 @@ from updater.causes import CATALOGUE, LocalStiffness, ModelParameters, SelectedC
 from updater.diagnosis.case import Case
 from updater.diagnosis.combinations import Compositions, common
 from updater.diagnosis.model_extension import fixed
-from updater.diagnosis.naming import MIN_P, WORTH_NAMING
+from updater.diagnosis.naming import MIN_P, WORTH_NAMING, separation
 from updater.diagnosis.places import along_ridges
 from updater.diagnosis.relaxation import is_hidden, is_relaxed_doubtful, relaxed_beside
 from updater.diagnosis.weighing import DOUBTFUL, MUCH, N_SEEDS, SURE, WELL, Candidate, EvidenceComparison, ranked
@@ -41,6 +41,10 @@ _NO_EFFECT = 5.0  # of log evidence lost by a second body: 7 to 9 where there is
 _LESS = 0.71
 _MASSES = {"added_mass", "distributed_mass"}  # causes that are masses
 _MAX = 3  # causes at once, in addition to the parameters of a file
+# squared distance, in standard deviations, of predictions of one explanation that is found twice: turns of a fit end
+# where log evidence grows by less than half of it
+_SAME_PREDICTION = 2.0
+_NEARLY = 4.0  # of log evidence below the best: a share of 2 %, which refinement may increase to one worth naming
 _EXCHANGED = 3  # causes from which one of them is exchanged: pairs are sought from several single causes
 
 
@@ -335,6 +339,30 @@ def exchanged(weighing: EvidenceComparison, found: list[Candidate]) -> list[Cand
             return better
         found = better
     return found
+
+
+def evenly_refined(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candidate]:
+    """Return explanations, those by several causes that are nearly as probable as the best one refined like it.
+
+    A search refines its best fit only: with the log evidence of their first fit, others appear less probable than they
+    are. Refined, two of them may be one, which counts once.
+    """
+    least = found[0].log_evidence - _NEARLY
+    near = [c for c in found if c.log_evidence > least and len(c.chosen) > 1]
+    if len(near) == 1:
+        return found
+    several = Compositions(weighing)
+    again = [(c, several.converged_fit(c.chosen)) for c in near]
+    kept: list[Candidate] = []
+    for one in ranked([c if new is None or new.log_evidence < c.log_evidence else new for c, new in again]):
+        if not any(_is_same(weighing.data, one, other) for other in kept):
+            kept.append(one)
+    return ranked([*kept, *(c for c in found if c not in near)])
+
+
+def _is_same(data: Comparison, one: Candidate, other: Candidate) -> bool:
+    """Return whether two explanations are one: the same causes with the same prediction."""
+    return sorted(one.names) == sorted(other.names) and separation(data, one, other) < _SAME_PREDICTION
 
 
 def _as_good(one: Candidate, other: Candidate) -> bool:

@@ -14,9 +14,10 @@ from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Body, Model, Reference, build_model, learn_reference, matched, stack_tracks
 from updater.causes import AddedMass, SelectedCause, propose_added_mass
 from updater.diagnosis.combinations import Compositions, likeliest_pair
+from updater.diagnosis.naming import separation
 from updater.diagnosis.places import by_place
 from updater.diagnosis.relaxation import relaxed_with_body
-from updater.diagnosis.search import exchanged
+from updater.diagnosis.search import evenly_refined, exchanged
 from updater.diagnosis.weighing import Candidate, EvidenceComparison
 from updater.inference import Fit, compare
 
@@ -201,18 +202,23 @@ def test_two_bodies_and_a_loss_are_found_where_the_loss_alone_is_elsewhere() -> 
     assert found.p_value > 0.03
 
 
+def bodies_and_gain(learnt: tuple[Reference, Model], *places: tuple[float, float, float]) -> EvidenceComparison:
+    """Return the comparison of an event with bodies of 0.1 kg and a gain of 1.15 of channel 3."""
+    reference, bare = learnt
+    gain = GAIN.copy()
+    gain[3] = 1.15
+    bodies = [Body(at=at, mass=0.1) for at in places]
+    model = build_model(bare.structure.with_bodies(bodies), shear_flexible=True, mass="consistent")
+    windows = [measure(model, np.random.default_rng((975, k)), gain) for k in range(5)]
+    data = compare(reference, matched(reference.baseline, reference.mean_of(stack_tracks(windows, [TRACK] * 5))))
+    return EvidenceComparison(reference, data, allowed=("added_mass", "sensor_gain"))
+
+
 def test_cause_that_imitated_another_one_is_exchanged(
     learnt: tuple[Reference, Model], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two bodies and a wrong gain, of which one body was taken for a second wrong gain. Either gain leads to them."""
-    reference, bare = learnt
-    gain = GAIN.copy()
-    gain[3] = 1.15
-    bodies = [Body(at=at, mass=0.1) for at in ((0.2, 0.0, 1.48), (0.0, 0.0, 0.8))]
-    model = build_model(bare.structure.with_bodies(bodies), shear_flexible=True, mass="consistent")
-    windows = [measure(model, np.random.default_rng((975, k)), gain) for k in range(5)]
-    data = compare(reference, matched(reference.baseline, reference.mean_of(stack_tracks(windows, [TRACK] * 5))))
-    weighing = EvidenceComparison(reference, data, allowed=("added_mass", "sensor_gain"))
+    weighing = bodies_and_gain(learnt, (0.2, 0.0, 1.48), (0.0, 0.0, 0.8))
     body, sensor = (SelectedCause.begun(cause) for cause in weighing.causes.values())
     wrong = Compositions(weighing).coordinate_fit((sensor, body, sensor))
     assert wrong is not None
@@ -227,3 +233,23 @@ def test_cause_that_imitated_another_one_is_exchanged(
     assert best.p_value > 0.01
     assert [c.row for c in best.chosen if c.cause.name == "sensor_gain"] == [3]
     assert [c.theta[0] for c in best.chosen if c.cause.name == "added_mass"] == pytest.approx([0.1, 0.1], abs=0.02)
+
+
+def test_explanation_that_is_found_again_when_another_one_is_refined_counts_once(
+    learnt: tuple[Reference, Model],
+) -> None:
+    """The other one begins with the parameters that fits begin with. One that is far less probable is not refined."""
+    weighing = bodies_and_gain(learnt, (0.0, 0.0, 0.8))
+    body, sensor = (SelectedCause.begun(cause) for cause in weighing.causes.values())
+    best = Compositions(weighing).coordinate_fit((sensor, body))
+    assert best is not None
+    other = replace(best, chosen=(body, sensor), log_evidence=best.log_evidence - 2)
+    far = replace(other, log_evidence=best.log_evidence - 20)
+    assert separation(weighing.data, best, other) > 100
+    refined, unchanged = evenly_refined(weighing, [best, other, far])
+    assert refined.log_evidence >= best.log_evidence
+    assert refined.p_value > 0.01
+    assert [c.row for c in refined.chosen if c.cause.name == "sensor_gain"] == [3]
+    assert [place(c)[2] for c in refined.chosen if c.cause.name == "added_mass"] == pytest.approx([0.8], abs=0.02)
+    assert unchanged is far
+    assert evenly_refined(weighing, [best, far]) == [best, far]
