@@ -185,6 +185,7 @@ class Calibration:
             value = max(value, knob.lower)  # 0 where a fit with shapes has the wall rigid
             after = physical_value(self.structure, knob, value)
             std = after * parameter_std / value
+            before = physical_value(self.nominal, knob, knob.mean) if knob.in_file else None
         else:
             after = dict(connection_of(self.structure, knob).stiffness.items())[knob.axis]
             std = after * parameter_std / value
@@ -245,7 +246,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     file = _Pairs(modes.frequency, seen, pair_modes(frequency, measured.shape, modes.frequency, seen))
     data = _Data(structure, measured, nominal.mesh_error(modes.shape), n_modes, walls=[])
     knobs = model_parameters_of(structure)
-    held = [knob for knob in knobs if knob.kind != "wall"]
+    held = [knob for knob in knobs if not knob.of_rigid_wall]
     rigid = data.fitted(held, data.pairs(held, file)) if file.n >= _LEAST_PAIRED else None
     best = rigid if len(held) == len(knobs) else _with_walls(data, knobs, file, rigid)
     if best is None:
@@ -354,12 +355,12 @@ def _with_walls(data: _Data, knobs: list[ModelParameter], file: _Pairs, rigid: _
 
     Parameters
     ----------
-    knobs : all, with those of walls
+    knobs : all, with those of walls that the file has rigid
     file : modes as in the file
     rigid : fit without springs of walls; None if too few modes are paired with those of the file
     """
-    walls = [knob for knob in knobs if knob.kind == "wall"]
-    held = [knob for knob in knobs if knob.kind != "wall"]
+    walls = [knob for knob in knobs if knob.of_rigid_wall]
+    held = [knob for knob in knobs if not knob.of_rigid_wall]
     data = replace(data, walls=walls)
     expected = best_model(apply_parameters(data.structure, walls, np.array([knob.mean for knob in walls])))
     softer = _pairs_with(expected, data.measured, len(file.frequency))
@@ -372,7 +373,7 @@ def _with_walls(data: _Data, knobs: list[ModelParameter], file: _Pairs, rigid: _
     else:
         first = data.fitted(held, answers)
     free = data.fitted(knobs, answers)
-    of_held = [knob.kind != "wall" for knob in knobs]
+    of_held = [not knob.of_rigid_wall for knob in knobs]
     nearby = first, data.fitted(held, answers, free.fit.value[of_held])
     gain = free.fit.log_evidence - max(one.fit.log_evidence for one in nearby)
     near = free.fit.chi_square < _FAR_OFF * (answers >= 0).sum()

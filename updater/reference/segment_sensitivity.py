@@ -51,7 +51,6 @@ def wall_error(model: Model, modes: Modes) -> FloatArray:
     """
     found = np.zeros(len(modes.omega))
     for wall in walls_with_springs(model.structure):
-        axes = wall.spring_axes(model.structure.segment)
-        slope = sum(slope_by_spring(model, modes, wall, axis) for axis in axes)
+        slope = sum(slope_by_spring(model, modes, wall, axis) for axis in wall.springs(model.structure.segment))
         found += slope * (modes.frequency / wall.frequency) ** 2
     return found
