@@ -493,7 +493,7 @@ def _with_all_modes(case: Case, chosen: tuple[SelectedCause, ...]) -> tuple[tupl
 
     def refitted() -> tuple[tuple[SelectedCause, ...], Comparison]:
         more = with_further_modes(
-            case.data, case.reference.calibration.mesh_error, case.event, case.measured.every, chosen
+            case.data, case.reference.calibration.frequency_error.std, case.event, case.measured.every, chosen
         )
         return (chosen if more is case.data else agreeing(more, chosen)), more
 

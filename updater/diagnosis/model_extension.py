@@ -118,14 +118,14 @@ def drift_beside(data: Comparison, chosen: Sequence[SelectedCause], factor: Caus
 
 
 def with_further_modes(
-    data: Comparison, mesh_error: FloatArray, event: ModalMean, every: ModalMean, chosen: tuple[SelectedCause, ...]
+    data: Comparison, model_std: FloatArray, event: ModalMean, every: ModalMean, chosen: tuple[SelectedCause, ...]
 ) -> Comparison:
     """Return data with the measured modes that the baseline lacks and the model has, once causes act on it.
 
     Parameters
     ----------
     data : the event compared with the baseline
-    mesh_error : (n_modes,) relative error of the reference's frequencies by its mesh
+    model_std : (n_modes,) deviation of ln f of the reference's modes by its mesh and by walls that bend
     event : (n_tracks,) in the order of the baseline's tracks
     every : (n_modes,) all modes measured, in any order
     chosen : causes that are found
@@ -137,7 +137,7 @@ def with_further_modes(
     if not len(measured):
         return data
     log_ratio = others.log_frequency[measured] - np.log(data.frequency[modes])
-    std = np.hypot(others.log_frequency_std[measured], np.hypot(FREQUENCY_STD, mesh_error[modes]))
+    std = np.hypot(others.log_frequency_std[measured], np.hypot(FREQUENCY_STD, model_std[modes]))
     return data.with_frequencies(modes, log_ratio, std)
 
 
