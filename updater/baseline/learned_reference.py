@@ -186,7 +186,7 @@ def _with_shapes(structure: Structure, calibration: Calibration, measured: Measu
     Walls that it has rigid stay so.
     """
     own, fitted = structure.updating, {knob.key for knob in calibration.knobs}
-    walls = (k.key for k in model_parameters_of(structure) if k.kind == "wall" and k.key not in fitted)
+    walls = (k.key for k in model_parameters_of(structure) if k.of_rigid_wall and k.key not in fitted)
     held = own.model_copy(update={"fixed": (*own.fixed, *walls)})
     return _with_updating(_carried_on(structure.model_copy(update={"updating": held}), calibration, measured), own)
 

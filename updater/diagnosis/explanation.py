@@ -532,10 +532,9 @@ def _with_further_modes(
     case: Case, data: Comparison, chosen: tuple[SelectedCause, ...], *, displaced: IndexArray | None = None
 ) -> Comparison:
     """Return data with further measured modes, as `with_further_modes`."""
-    reference = case.reference
-    error = MODEL_ERROR * reference.model_error_factor
-    every, mesh_error = case.measured.every, reference.calibration.mesh_error
-    return with_further_modes(data, mesh_error, error, case.event, every, chosen, displaced=displaced)
+    reference, every = case.reference, case.measured.every
+    model_std, error = reference.calibration.frequency_error.std, MODEL_ERROR * reference.model_error_factor
+    return with_further_modes(data, model_std, error, case.event, every, chosen, displaced=displaced)
 
 
 def _next(case: Case, left_open: list[Candidate]) -> Separation | None:

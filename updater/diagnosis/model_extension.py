@@ -125,7 +125,7 @@ def drift_beside(data: Comparison, chosen: Sequence[SelectedCause], factor: Caus
 
 def with_further_modes(
     data: Comparison,
-    mesh_error: FloatArray,
+    model_std: FloatArray,
     model_error: float,
     event: ModalMean,
     every: ModalMean,
@@ -138,7 +138,7 @@ def with_further_modes(
     Parameters
     ----------
     data : the event compared with the baseline
-    mesh_error : (n_modes,) relative error of the reference's frequencies by its mesh
+    model_std : (n_modes,) deviation of ln f of the reference's modes by its mesh and by walls that bend
     model_error : of the reference at any point, relative to a mode's typical displacement
     event : (n_tracks,) in the order of the baseline's tracks
     every : (n_modes,) all modes measured, in any order
@@ -153,8 +153,8 @@ def with_further_modes(
     if not len(measured):
         return data
     log_ratio = others.log_frequency[measured] - np.log(data.frequency[modes])
-    std = np.hypot(others.log_frequency_std[measured], np.hypot(FREQUENCY_STD, mesh_error[modes]))
-    by_model = 2 * np.hypot(model_error, mesh_error[modes]) * np.abs(log_ratio)
+    std = np.hypot(others.log_frequency_std[measured], np.hypot(FREQUENCY_STD, model_std[modes]))
+    by_model = 2 * np.hypot(model_error, model_std[modes]) * np.abs(log_ratio)
     return data.with_frequencies(modes, log_ratio, std, by_model)
 
 

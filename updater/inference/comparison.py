@@ -149,7 +149,7 @@ class Comparison:
     drifting: Whitener  #: the same with a change common to all, which temperature brings
     model_variance: FloatArray  #: (n,) variance of the log ratios for errors of the reference
     mesh_error: FloatArray  #: (n,) estimated relative error of the model's frequencies by its mesh; 0 without faces
-    mesh_deviation: FloatArray  #: (n,) standard deviation of the log ratios by one error of the mesh in all modes
+    common_deviation: FloatArray  #: (n, n_errors) of the log ratios by errors of a model with one factor for all modes
     shaped: BoolArray  #: (n,) whether the shape was measured now; else only the frequency counts
     shape: FloatArray  #: (n, n_channels) measured now, unit norm; where it was not, as before
     base: FloatArray  #: (n, n_channels) measured before, unit norm
@@ -186,7 +186,7 @@ class Comparison:
             plain=plain,
             drifting=drifting,
             model_variance=share**2 * self.model_variance,
-            mesh_deviation=share * self.mesh_deviation,
+            common_deviation=share * self.common_deviation,
         )
 
     @property
@@ -198,7 +198,7 @@ class Comparison:
     @property
     def model_covariance(self) -> FloatArray:
         """Part (n, n) of it by errors of the reference."""
-        return np.diag(self.model_variance) + np.outer(self.mesh_deviation, self.mesh_deviation)
+        return np.diag(self.model_variance) + self.common_deviation @ self.common_deviation.T
 
     def with_frequencies(
         self, modes: IndexArray, log_ratio: FloatArray, std: FloatArray, model_std: FloatArray
@@ -226,7 +226,7 @@ class Comparison:
             "log_frequency_std": std,
             "model_variance": model_std**2,
             "mesh_error": np.zeros(k),
-            "mesh_deviation": np.zeros(k),
+            "common_deviation": np.zeros((k, self.common_deviation.shape[1])),
             "shaped": np.zeros(k, bool),
             "shape": shape,
             "base": shape,

@@ -31,7 +31,7 @@ from updater.inference.shape_covariance import (
     turned_by_noise,
 )
 from updater.modal_data import NOTHING_KNOWN, USUAL_OVERDISPERSION, Circumstances, ModalMean, Scatter, check_event
-from updater.reference import COMMON_MESH_ERROR, Reference, match_nominal_modes
+from updater.reference import Reference, match_nominal_modes
 
 MODEL_ERROR = 0.01  #: relative to a mode's typical displacement: error of the reference at any point
 # times the error e of a mesh: relative error of a mode's displacement, whose square is 4 e too large. Frequencies have
@@ -75,7 +75,7 @@ def compare(
     base, event = base.only(tracks), event.only(tracks)
     check_event(base, event)
     base = without_sensor_errors(reference, tracks, base)
-    of_mesh = reference.calibration.mesh_error
+    of_mesh = reference.calibration.frequency_error.mesh
     mesh_error = of_mesh[reference.paired[tracks]]
     mixed = shape_error_of_mesh(reference.frequency, of_mesh)
     of_model = (model_error * reference.model_error_factor) ** 2 + mixed**2
@@ -100,7 +100,7 @@ def compare(
         tracks=tracks,
         paired=reference.paired[tracks],
         mesh_error=mesh_error,
-        **_frequencies_of(base, event, error, typical_shift, COMMON_MESH_ERROR * mesh_error * reference.of_file),
+        **_frequencies_of(base, event, error, typical_shift, reference.common_error[tracks]),
         **_shapes_of(base, event, sign, scatter, max(reference.delays.wander, circumstances.wander), foreign),
         sensor_errors=sensor_errors(reference, tracks, channels),
         mesh_errors=_common_to_modes(base.shape, sign * now, ratio, mesh_error),
@@ -176,7 +176,7 @@ def _nominal_modes(
 
 
 def _frequencies_of(
-    base: ModalMean, event: ModalMean, error: FloatArray, typical_shift: float, mesh_deviation: FloatArray
+    base: ModalMean, event: ModalMean, error: FloatArray, typical_shift: float, common: FloatArray
 ) -> dict[str, Any]:
     """Return the data of log frequencies.
 
@@ -185,7 +185,7 @@ def _frequencies_of(
     base, event : (n,) of the modes compared
     error : (n,) of the reference at any point, relative to a mode's typical displacement
     typical_shift : of the change at a typical place, at least the mean of those measured
-    mesh_deviation : (n,) by the error of a mesh, with one factor for all modes
+    common : (n, n_errors) standard deviations by errors of a model that have one factor for all modes
     """
     ratio = event.log_frequency - base.log_frequency
     shift = np.abs(ratio)
@@ -193,14 +193,14 @@ def _frequencies_of(
     wider = np.nan_to_num(_BIAS_OF_BANDWIDTH * (event.damping - base.damping))
     measured = np.maximum(event.log_frequency_std**2 + base.log_frequency_std**2, LEAST_VARIANCE)
     variance = measured + by_model + wider**2
-    plain, drifting = whiteners_of(np.diag(variance) + np.outer(mesh_deviation, mesh_deviation))
+    plain, drifting = whiteners_of(np.diag(variance) + common @ common.T)
     return {
         "log_ratio": ratio,
         "log_frequency_std": event.log_frequency_std,
         "plain": plain,
         "drifting": drifting,
         "model_variance": by_model,
-        "mesh_deviation": mesh_deviation,
+        "common_deviation": common,
     }
 
 

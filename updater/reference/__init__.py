@@ -1,6 +1,5 @@
 """The reference: calibrated model, expansion of measured modes, pairing with model modes."""
 
-from updater.reference.calibration import COMMON_MESH_ERROR as COMMON_MESH_ERROR
 from updater.reference.calibration import UNLIKE as UNLIKE
 from updater.reference.calibration import Calibration as Calibration
 from updater.reference.calibration import Parameter as Parameter
@@ -16,6 +15,7 @@ from updater.reference.expansion import expand_shape as expand_shape
 from updater.reference.expansion import orthonormal as orthonormal
 from updater.reference.expansion import orthonormal_slope as orthonormal_slope
 from updater.reference.expansion import well_posed_cluster as well_posed_cluster
+from updater.reference.model_error import COMMON_MESH_ERROR as COMMON_MESH_ERROR
 from updater.reference.model_fit import ModelFit as ModelFit
 from updater.reference.model_fit import fit_of_model as fit_of_model
 from updater.reference.model_fit import own_modes as own_modes
@@ -31,7 +31,7 @@ from updater.reference.reference import first_stage as first_stage
 from updater.reference.reference import match_nominal_modes as match_nominal_modes
 from updater.reference.reference import pair_baseline as pair_baseline
 from updater.reference.section_orientation import exchanged_sections as exchanged_sections
-from updater.reference.segment_sensitivity import wall_error as wall_error
+from updater.reference.segment_sensitivity import wall_errors as wall_errors
 from updater.reference.sensitivity_method import Convergence as Convergence
 from updater.reference.sensitivity_method import Prior as Prior
 from updater.reference.sensitivity_method import SensitivityFit as SensitivityFit

@@ -21,7 +21,8 @@ from updater.errors import PairingError
 from updater.fe import Element, Model, Modes, build_model, elastic_energy, parts_between
 from updater.modal_data import ModalMean, check_baseline, check_unit
 from updater.quantities import SIGNIFICANT, ParameterChange
-from updater.reference.segment_sensitivity import slope_by_factor, slope_by_spring, wall_error
+from updater.reference.model_error import FrequencyError, frequency_error
+from updater.reference.segment_sensitivity import slope_by_factor, slope_by_spring, wall_errors
 from updater.reference.sensitivity_method import (
     Convergence,
     Prior,
@@ -52,9 +53,6 @@ from updater.structure import (
     walls_with_springs,
 )
 
-#: times the estimated error of a mesh: standard deviation of that part of the frequencies' error that has one factor
-#: for all modes; measured on a table of plates (docs/validation/model/mesh_error.md)
-COMMON_MESH_ERROR = 1.5
 FREQUENCY_ERROR = 2e-3  #: ln f: residual that no parameter of a beam model explains
 #: relative to the structure's mass: that of its density, and of paint, screws and cables
 _MASS_STD = 0.015
@@ -114,9 +112,9 @@ class Calibration:
         return bool(self.parameters)
 
     @cached_property
-    def mesh_error(self) -> FloatArray:
-        """Relative error of the frequencies of `modes` (n_modes,) by the mesh of faces."""
-        return self.model.mesh_error(self.modes.shape)
+    def frequency_error(self) -> FrequencyError:
+        """Errors that the frequencies of `modes` (n_modes,) are expected to have by the mesh of faces and by walls."""
+        return frequency_error(self.model, self.modes)
 
     def flexibility_std(self, connection: Support | Joint, axis: Axis) -> float:
         """Return how well a connection's flexibility is known [rad/(N m) or m/N]: 0 where it is the file's."""
@@ -185,6 +183,7 @@ class Calibration:
             value = max(value, knob.lower)  # 0 where a fit with shapes has the wall rigid
             after = physical_value(self.structure, knob, value)
             std = after * parameter_std / value
+            before = physical_value(self.nominal, knob, knob.mean) if knob.in_file else None
         else:
             after = dict(connection_of(self.structure, knob).stiffness.items())[knob.axis]
             std = after * parameter_std / value
@@ -245,7 +244,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     file = _Pairs(modes.frequency, seen, pair_modes(frequency, measured.shape, modes.frequency, seen))
     data = _Data(structure, measured, nominal.mesh_error(modes.shape), n_modes, walls=[])
     knobs = model_parameters_of(structure)
-    held = [knob for knob in knobs if knob.kind != "wall"]
+    held = [knob for knob in knobs if not knob.of_rigid_wall]
     rigid = data.fitted(held, data.pairs(held, file)) if file.n >= _LEAST_PAIRED else None
     best = rigid if len(held) == len(knobs) else _with_walls(data, knobs, file, rigid)
     if best is None:
@@ -354,12 +353,12 @@ def _with_walls(data: _Data, knobs: list[ModelParameter], file: _Pairs, rigid: _
 
     Parameters
     ----------
-    knobs : all, with those of walls
+    knobs : all, with those of walls that the file has rigid
     file : modes as in the file
     rigid : fit without springs of walls; None if too few modes are paired with those of the file
     """
-    walls = [knob for knob in knobs if knob.kind == "wall"]
-    held = [knob for knob in knobs if knob.kind != "wall"]
+    walls = [knob for knob in knobs if knob.of_rigid_wall]
+    held = [knob for knob in knobs if not knob.of_rigid_wall]
     data = replace(data, walls=walls)
     expected = best_model(apply_parameters(data.structure, walls, np.array([knob.mean for knob in walls])))
     softer = _pairs_with(expected, data.measured, len(file.frequency))
@@ -372,7 +371,7 @@ def _with_walls(data: _Data, knobs: list[ModelParameter], file: _Pairs, rigid: _
     else:
         first = data.fitted(held, answers)
     free = data.fitted(knobs, answers)
-    of_held = [knob.kind != "wall" for knob in knobs]
+    of_held = [not knob.of_rigid_wall for knob in knobs]
     nearby = first, data.fitted(held, answers, free.fit.value[of_held])
     gain = free.fit.log_evidence - max(one.fit.log_evidence for one in nearby)
     near = free.fit.chi_square < _FAR_OFF * (answers >= 0).sum()
@@ -475,17 +474,18 @@ class _Misfit:
         n_modes: int,
     ) -> None:
         self._structure, self._knobs, self._measured, self._n_modes = structure, knobs, measured, n_modes
-        variance = measured.log_frequency_std**2 + FREQUENCY_ERROR**2 + self._wall_error(walls) ** 2
-        self._whitener = np.linalg.inv(np.linalg.cholesky(np.diag(variance) + mesh_covariance(mesh_error)))
+        variance = measured.log_frequency_std**2 + FREQUENCY_ERROR**2
+        of_model = FrequencyError(mesh=mesh_error, walls=self._wall_errors(walls)).covariance
+        self._whitener = np.linalg.inv(np.linalg.cholesky(np.diag(variance) + of_model))
         self._solved = lru_cache(2)(self._solve)  # a step that failed, and the parameters before it
 
-    def _wall_error(self, walls: list[ModelParameter]) -> FloatArray:
-        """Return the relative error of the frequencies (n_tracks,) by walls: the file's springs, and expected ones."""
+    def _wall_errors(self, walls: list[ModelParameter]) -> FloatArray:
+        """Return the relative errors (n_tracks, n_springs) by walls: of the file's springs, and of expected ones."""
         structure = apply_parameters(self._structure, walls, np.array([w.mean for w in walls]))
         if not walls_with_springs(structure):
-            return np.zeros(len(self._measured.log_frequency))
+            return np.zeros((len(self._measured.log_frequency), 0))
         model, modes, _ = self._paired(structure)
-        return wall_error(model, modes)
+        return wall_errors(model, modes)
 
     def _solve(self, *x: float) -> tuple[Model, Modes, IndexArray]:
         return self._paired(apply_parameters(self._structure, self._knobs, np.array(x)))
@@ -565,12 +565,6 @@ def spring_of(model: Model, knob: ModelParameter) -> tuple[FloatArray, float]:
     if isinstance(connection, Joint):
         return model.joint_rows(connection, TURNS.index(knob.axis)), stiffness
     return model.support_rows(connection.at, knob.axis), stiffness
-
-
-def mesh_covariance(mesh_error: FloatArray) -> FloatArray:
-    """Return the covariance (n, n) of ln f by a mesh: an error of each mode (n,), and one with a factor for all."""
-    common = COMMON_MESH_ERROR * mesh_error
-    return np.asarray(np.diag(mesh_error**2) + np.outer(common, common))
 
 
 def best_model(structure: Structure) -> Model:

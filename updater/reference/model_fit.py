@@ -15,14 +15,16 @@ from updater.fe import Model, Modes
 from updater.modal_data import ModalMean, match_modes
 from updater.quantities import ASKEW_STD, FREQUENCY_STD
 from updater.reference.calibration import UNLIKE, channel_rows, enough_modes, share_within
+from updater.reference.model_error import frequency_error
 from updater.reference.reference import SHAPE_STD
-from updater.reference.segment_sensitivity import wall_error
 
 _STILL = 1e-9  # motion of a mode at the sensors [1/sqrt(kg)]: a smaller one is not measured
 
 
 def own_modes(model: Model, measured: ModalMean, *, n_modes: int = 30) -> tuple[Modes, IndexArray, ModalMean]:
     """Return the modes of a model, those (n_seen,) that move the sensors, and these as a mean at the channels.
+
+    Their deviations are those of each mode alone, without errors that have one factor for all modes.
 
     Parameters
     ----------
@@ -37,14 +39,13 @@ def own_modes(model: Model, measured: ModalMean, *, n_modes: int = 30) -> tuple[
     length = np.linalg.norm(at_channels[seen], axis=1, keepdims=True)
     shape = at_channels[seen] / length
     shapes = modes.shape[:, seen]
-    of_seen = Modes(frequency=modes.frequency[seen], shape=shapes)
     across = channel_rows(model, measured.channels, across=True) @ shapes
     crossing: FloatArray = np.linalg.norm(across.reshape(2, *shape.T.shape), axis=0).T / length
     own = ModalMean(
         channels=measured.channels,
         n=np.ones(len(seen), np.intp),
         log_frequency=np.log(modes.frequency[seen]),
-        log_frequency_std=np.hypot(np.hypot(FREQUENCY_STD, model.mesh_error(shapes)), wall_error(model, of_seen)),
+        log_frequency_std=np.hypot(FREQUENCY_STD, model.mesh_error(shapes)),
         damping=np.full(len(seen), np.nan),
         damping_std=np.full(len(seen), np.nan),
         shape=shape,
@@ -131,7 +132,9 @@ def fit_of_model(
         row, column = linear_sum_assignment(apart)
         answers[unshaped[row]] = np.where(apart[row, column] < _NEAR, column, -1)
     here = answers >= 0
-    paired = own.only(np.maximum(answers, 0))
+    number = np.maximum(answers, 0)
+    paired, of_modes = own.only(number), seen[number]
+    error = frequency_error(model, Modes(frequency=modes.frequency[of_modes], shape=modes.shape[:, of_modes]))
     frequency = np.where(here, np.exp(paired.log_frequency), np.nan)
     residual = measured.log_frequency - np.log(frequency)
     along = (measured.shape * paired.shape).sum(1, keepdims=True)
@@ -139,7 +142,7 @@ def fit_of_model(
     variance = measured.shape_std**2
     mac_variance = 4 * (rest**2 * variance).sum(1) + 2 * (variance**2).sum(1)
     of_shape = (rest**2 / (variance + paired.shape_std**2)).sum(1) / overdispersion
-    frequency_std = np.hypot(measured.log_frequency_std, paired.log_frequency_std)
+    frequency_std = np.sqrt(measured.log_frequency_std**2 + FREQUENCY_STD**2 + error.std**2)
     known = here & (variance.sum(1) < 1)
     return ModelFit(
         frequency=frequency,

@@ -12,8 +12,9 @@ from oma import mac_matrix, pair_modes
 from updater.fe import Model, Modes
 from updater.modal_data import BaselineModes, DeviceDelays, ModalMean, Scatter, TrackedModes
 from updater.quantities import ASKEW_STD
-from updater.reference.calibration import Calibration, channel_rows, mesh_covariance
+from updater.reference.calibration import Calibration, channel_rows
 from updater.reference.expansion import LARGEST_CLUSTER, expand, orthonormal
+from updater.reference.model_error import mesh_covariance
 from updater.structure import Structure
 
 SAME_SHAPE = 0.9  #: MAC, and
@@ -80,9 +81,10 @@ class Reference:
 
         At least 1: the rms of the whitened differences of frequencies. Errors of the model in the undisturbed state
         increase it, such as a body missing in the file; those of its mesh are expected, and are an error of their own.
+        Those of walls that bend increase it: nothing else allows for them in shapes and sensitivities.
         An uncertain baseline is weak evidence for a good model.
         """
-        mesh = self.calibration.mesh_error[self.paired]
+        mesh = self.calibration.frequency_error.mesh[self.paired]
         expected = np.linalg.cholesky(_GOOD**2 * np.eye(len(mesh)) + mesh_covariance(mesh))
         errors = self._log_frequency_errors
         off = np.copysign(np.maximum(np.abs(errors), self.baseline.log_frequency_std), errors)
@@ -100,7 +102,7 @@ class Reference:
         A factor on all of them does not count: it changes no predicted ratio.
         """
         off = self._log_frequency_errors - np.mean(self._log_frequency_errors)
-        expected = np.hypot(_GOOD, self.calibration.mesh_error[self.paired])
+        expected = np.hypot(_GOOD, self.calibration.frequency_error.std[self.paired])
         return bool(np.sqrt(np.mean((off / expected) ** 2)) <= _NOT_OF_THE_STRUCTURE)
 
     @property
@@ -108,6 +110,18 @@ class Reference:
         """Log ratios (n_tracks,) of the calibrated model's frequencies to the baseline's."""
         calibrated = np.log(self.calibration.modes.frequency[self.paired])
         return np.asarray(calibrated - self.baseline.log_frequency)
+
+    @property
+    def common_error(self) -> FloatArray:
+        """Standard deviations (n_tracks, n_errors) of the baseline's ln f by errors with one factor for all modes.
+
+        A measured baseline has none. A model's own modes have those of walls, and those of a file also the mesh's; a
+        calibration has fitted the moduli to the latter.
+        """
+        error = self.calibration.frequency_error.only(self.paired)
+        if self.of_file:
+            return error.common
+        return np.zeros((len(self.paired), 0)) if self.measured else error.walls
 
     @property
     def ambiguous_tracks(self) -> npt.NDArray[np.bool_]:

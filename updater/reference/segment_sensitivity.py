@@ -2,7 +2,8 @@
 
 A wall that bends has inertia. Below its own lowest frequency f_w, its flexibility at a frequency f exceeds the static
 one by a share of (f / f_w)^2, as that of an oscillator. A spring has one flexibility for all modes: the frequency of
-each mode is in error by its sensitivity to the spring times this share.
+each mode is in error by its sensitivity to the spring times this share. The share has a factor for each spring, since
+moments and forces bend the wall to different shapes, and this factor is the same in all modes.
 """
 
 from collections.abc import Callable
@@ -41,17 +42,17 @@ def slope_by_spring(model: Model, modes: Modes, wall: Wall, axis: Axis) -> Float
     return slope_by_factor(modes, parts, lambda element, factor: element.with_factor(action, factor))
 
 
-def wall_error(model: Model, modes: Modes) -> FloatArray:
-    """Return the relative error (n_modes,) of frequencies by the inertia of walls with springs; 0 without springs.
+def wall_errors(model: Model, modes: Modes) -> FloatArray:
+    """Return the relative errors (n_modes, n_springs) of frequencies by the inertia of walls, one for each spring.
 
     Parameters
     ----------
     model : with the springs in its structure
     modes : of it
     """
-    found = np.zeros(len(modes.omega))
-    for wall in walls_with_springs(model.structure):
-        axes = wall.spring_axes(model.structure.segment)
-        slope = sum(slope_by_spring(model, modes, wall, axis) for axis in axes)
-        found += slope * (modes.frequency / wall.frequency) ** 2
-    return found
+    found = [
+        slope_by_spring(model, modes, wall, axis) * (modes.frequency / wall.frequency) ** 2
+        for wall in walls_with_springs(model.structure)
+        for axis in wall.springs(model.structure.segment)
+    ]
+    return np.array(found).reshape(-1, len(modes.omega)).T

@@ -2,10 +2,10 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Literal
 
 import numpy as np
@@ -15,7 +15,15 @@ from updater.errors import SelectionError
 from updater.structure.base import ON_MEMBER, Vector
 from updater.structure.entries import AXES, Axis, Body, Group, Joint, Member, Segment, Support
 from updater.structure.structure import Structure
-from updater.structure.walls import WALL_AXES, wall_of, wall_segments, walls_of
+from updater.structure.walls import (
+    WALL_AXES,
+    Wall,
+    wall_of,
+    wall_segments,
+    walls_of,
+    walls_with_springs,
+    with_wall_factors,
+)
 
 _STIFFNESS_PRIOR = 0.03  # of ln E
 _FLEXIBILITY_PRIOR = 0.02  # of c E I / L, c the spring's flexibility: a nominally rigid connection
@@ -75,7 +83,8 @@ class ModelParameter:
     target: str = ""  #: material, index of the support or body, member, or section
     at: Vector = (0.0, 0.0, 0.0)  #: position of a joint, weld or body [m]
     axis: Axis = "x"
-    mean: float = 0.0  #: expected value: that of the file, but of a wall, which the file has rigid
+    mean: float = 0.0  #: expected value: that of the file, but of a wall that the file has rigid
+    in_file: bool = True  #: False of a wall's spring that the file does not have
     lower: float = -np.inf  #: least value
     upper: float = np.inf  #: greatest value
 
@@ -88,6 +97,11 @@ class ModelParameter:
     def of_group(self) -> bool:
         """True if it is the factor of a group of external matrices."""
         return self.kind == "stiffness" and self.key.endswith(_FACTOR) and bool(self.target)
+
+    @property
+    def of_rigid_wall(self) -> bool:
+        """True if it is of a wall that the file has rigid."""
+        return self.kind == "wall" and not self.in_file
 
     @property
     def has_mass(self) -> bool:
@@ -159,7 +173,7 @@ def nominal_parameters(knobs: Sequence[ModelParameter]) -> FloatArray:
 
 
 def _nominal(knob: ModelParameter) -> float:
-    if knob.kind == "wall":
+    if knob.of_rigid_wall:
         return knob.lower
     return 10 * knob.lower if is_rigid(knob) else knob.mean
 
@@ -171,7 +185,7 @@ def is_rigid(knob: ModelParameter) -> bool:
 
 def starts_rigid(knob: ModelParameter) -> bool:
     """Return whether a parameter is a flexibility that the file does not have: of a connection or a wall."""
-    return is_rigid(knob) or knob.kind == "wall"
+    return is_rigid(knob) or knob.of_rigid_wall
 
 
 def model_parameters_of(structure: Structure, *, of_file: bool = False) -> list[ModelParameter]:
@@ -350,9 +364,14 @@ def all_knobs(structure: Structure) -> list[ModelParameter]:
 
 
 def _of_walls(structure: Structure) -> list[ModelParameter]:
-    """Return the springs of walls of hollow chords that branches are welded to."""
-    walls = walls_of(structure)
-    times = Counter(wall.branch.name for wall in walls)
+    """Return the springs of walls of hollow chords that branches are welded to: those of the file, or expected ones.
+
+    The file has them where a diagnosis wrote them as effective ones. They are as uncertain as expected ones: a spring
+    that stays as it was would leave its error to the feet.
+    """
+    walls = [(wall, wall.expected, False) for wall in walls_of(structure)]
+    walls += [(wall, wall.springs(structure.segment), True) for wall in walls_with_springs(structure)]
+    times = Counter(wall.branch.name for wall, _, _ in walls)
     return [
         ModelParameter(
             name=f"wall at {wall.branch.name}{place} flexibility {axis}",
@@ -362,12 +381,13 @@ def _of_walls(structure: Structure) -> list[ModelParameter]:
             target=wall.branch.name,
             at=wall.at,
             axis=axis,
-            mean=wall.expected[axis],
-            lower=_STIFF_WALL * wall.expected[axis],
+            mean=mean[axis],
+            in_file=in_file,
+            lower=min(_STIFF_WALL * wall.expected[axis], mean[axis]),
         )
-        for wall in walls
+        for wall, mean, in_file in walls
         for place in (_place(wall.at, times[wall.branch.name]),)
-        for axis in WALL_AXES
+        for axis in mean
     ]
 
 
@@ -557,6 +577,7 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
     unit = FlexibilityUnits(structure)
     factors: dict[str, dict[Axis, float]] = {}
     walls: dict[Meeting, dict[Axis, float]] = {}
+    changed_walls: dict[Meeting, dict[Axis, Callable[[Wall, float], float]]] = {}
     external = structure.external
     for knob, value in zip(knobs, x.tolist(), strict=True):
         if knob.kind == "stiffness" and external is not None:
@@ -569,6 +590,8 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
             welds.append((knob, physical_value(structure, knob, value)))
         elif knob.kind == "section":
             factors.setdefault(knob.target, {})[knob.axis] = round(float(np.exp(value)), _SECTION_DIGITS)
+        elif knob.kind == "wall" and knob.in_file:
+            changed_walls.setdefault((knob.target, knob.at), {})[knob.axis] = partial(_wall_factor, value)
         elif knob.kind == "wall":
             walls.setdefault((knob.target, knob.at), {})[knob.axis] = value
         elif knob.kind == "body":
@@ -581,7 +604,8 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
         else:
             _put_joint(joints, knob, unit(knob.axis, knob.at) / value)
     springs = wall_segments(structure, walls)
-    walled = structure.model_copy(update={"segment": (*structure.segment, *springs)})
+    own = with_wall_factors(structure, changed_walls)
+    walled = structure.model_copy(update={"segment": (*own, *springs)})
     zones = [segment for knob, factor in welds for segment in joint_segments(walled, knob, factor)]
     return structure.model_copy(
         update={
@@ -590,9 +614,15 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
             "support": tuple(supports),
             "joint": tuple(joints),
             "body": tuple(bodies),
-            "segment": (*structure.segment, *_section_segments(structure, factors), *zones, *springs),
+            "segment": (*own, *_section_segments(structure, factors), *zones, *springs),
         }
     )
+
+
+def _wall_factor(flexibility: float, wall: Wall, factor: float) -> float:
+    """Return the factor of a wall's spring with a flexibility instead of the factor that it has."""
+    del factor
+    return wall.factor(flexibility)
 
 
 def _section_segments(structure: Structure, factors: Mapping[str, Mapping[Axis, float]]) -> list[Segment]:

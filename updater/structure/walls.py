@@ -85,9 +85,10 @@ class Wall:
             return ()
         return tuple(axis for axis in WALL_AXES if math.dist(segment.at, self._middle(axis)) < ON_MEMBER)
 
-    def spring_axes(self, segments: tuple[Segment, ...]) -> list[Axis]:
-        """Return the axes of the springs that segments have."""
-        return [a for a in WALL_AXES if any(a in self.axes_of(s) and _factors(s)[a] != 1 for s in segments)]
+    def springs(self, segments: tuple[Segment, ...]) -> dict[Axis, float]:
+        """Return the flexibilities of the springs that segments have, by axis [unit: `segments`]."""
+        factor = {axis: _factors(segment)[axis] for segment in segments for axis in self.axes_of(segment)}
+        return {axis: self.flexibility(factor[axis]) for axis in WALL_AXES if factor.get(axis, 1.0) < 1}
 
     def _middle(self, axis: Axis) -> Vector:
         x, y, z = self.branch.point(self.start[axis] + self.extent / 2).round(_DIGITS).tolist()
@@ -119,7 +120,7 @@ def walls_with_springs(structure: Structure) -> list[Wall]:
     names = {segment.member for segment in structure.segment}
     branches = [member for member in structure.member if member.name in names]
     found = (wall_of(structure, member, end) for member in branches for end in (member.start, member.end))
-    return [wall for wall in found if wall is not None and wall.spring_axes(structure.segment)]
+    return [wall for wall in found if wall is not None and wall.springs(structure.segment)]
 
 
 def _has_springs(structure: Structure, wall: Wall) -> bool:

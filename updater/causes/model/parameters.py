@@ -237,6 +237,8 @@ def _prior(knob: ModelParameter, wider: float, of_file: bool) -> float:
 
 def _file_value(model: Model, knob: ModelParameter) -> float:
     """Return the model's value of a parameter."""
+    if knob.kind == "wall" and knob.in_file:
+        return knob.mean
     if knob.kind not in {"support", "joint"}:
         return 0.0
     return flexibility_unit(model.structure, knob.axis, knob.at) / spring_of(model, knob)[1]

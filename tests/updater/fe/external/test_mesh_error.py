@@ -154,7 +154,7 @@ def test_expected_errors_of_a_mesh_are_no_error_of_the_model(reference: Referenc
 
     Three deviations of the errors of single modes, of alternating signs, are not expected.
     """
-    error = reference.calibration.mesh_error[reference.paired]
+    error = reference.calibration.frequency_error.mesh[reference.paired]
     calibrated = np.log(reference.calibration.modes.frequency[reference.paired])
 
     def factor(off: FloatArray) -> float:
@@ -178,7 +178,7 @@ def test_coarse_mesh_is_named_as_a_reason_why_nothing_fits(reference: Reference,
     assert isinstance(found.next_measurement, Misfit)
     assert found.next_measurement.mesh
     error, elements = found.next_measurement.mesh
-    assert error == pytest.approx(reference.calibration.mesh_error[reference.paired].max())
+    assert error == pytest.approx(reference.calibration.frequency_error.mesh[reference.paired].max())
     assert error / elements**2 <= 0.01 < error / (elements - 1) ** 2  # of order h^2
     text = next_text(found.next_measurement)
     print(text)
