@@ -406,9 +406,10 @@ def lost_modes_text(found: DiscrepancyResult) -> str:
         return ""
     absent = f"{counted(len(lost), 'mode')} of the reference logs not found in the current ones ({_hertz(lost)})"
     new = [mode for mode in found.listed if mode.simulated is None and mode.measured is not None]
-    agreeing = [mode.measured for mode in new if abs(mode.off_percent_after or math.inf) < _AGREES_PERCENT]
+    off = [math.inf if mode.off_percent_after is None else abs(mode.off_percent_after) for mode in new]
+    agreeing = [mode.measured for mode, percent in zip(new, off, strict=True) if percent < _AGREES_PERCENT]
     if len(agreeing) >= len(lost):
-        return f"{absent}: the model with the causes has them at {_hertz(agreeing)}, as measured now."
+        return f"{absent}: with the causes the model has modes at {_hertz(agreeing)}, where they are measured now."
     return (
         f"{absent}: the answer does not use their changes. Repeat with windows twice as long (--window), or record "
         "longer."

@@ -14,6 +14,7 @@ from monitor.text.causes import (
     gain_text,
     gain_texts,
     left_over_text,
+    lost_modes_text,
     parameter_text,
     uncertain_text,
     where_text,
@@ -23,6 +24,7 @@ from monitor.text.verdicts import is_one_mass, verdict_text
 from monitor.views.viewer.cards import window_card
 from tests.support.monitor import answers
 from tests.support.monitor import results as made
+from tests.support.monitor.comparison import shown
 from updater import Body, Cause, Diagnosis, Gain
 from updater.diagnosis import Pair, Rejected, SmallestChange
 from updater.quantities import ParameterChange, Quantity, Where
@@ -321,3 +323,24 @@ def test_smallest_changes_have_both_sizes_and_the_length_of_the_stretch() -> Non
     assert smallest_changes_text([mass], unchanged=True).endswith(
         "(290 g). If the file was fitted to these logs, its parameters may contain larger ones."
     )
+
+
+@pytest.mark.parametrize(
+    ("off", "expected"),
+    [
+        (None, "the answer does not use their changes. Repeat with windows twice as long"),
+        (1.5, "the answer does not use their changes"),
+        (-0.3, "with the causes the model has modes at 71.5 Hz, where they are measured now"),
+        (0.0, "with the causes the model has modes at 71.5 Hz, where they are measured now"),
+    ],
+)
+def test_modes_that_are_lost_are_those_that_the_causes_give(off: float | None, expected: str) -> None:
+    """A mode may change so far that it is not recognized: the model with the causes has it where a new one is."""
+    found = shown()
+    *others, new = found.modes
+    now = new.model_copy(update={"off_percent_after": off})
+    found = found.model_copy(update={"modes": (*others, now), "measured_before": True})
+    text = lost_modes_text(found)
+    assert text.startswith("1 mode of the reference logs not found in the current ones (60 Hz): ")
+    assert expected in text
+    assert not lost_modes_text(found.model_copy(update={"measured_before": False}))
