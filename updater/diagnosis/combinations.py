@@ -25,7 +25,7 @@ from updater.causes import (
 )
 from updater.diagnosis.places import next_place
 from updater.diagnosis.weighing import ERRS, HOPELESS, Candidate, EvidenceComparison, at_most, ranked
-from updater.inference import Fit, foreseen, pulls
+from updater.inference import Fit, fit, foreseen, pulls
 
 _MAX = 300  # alternatives of a cause that are looked at; of more, evenly many
 _MIN = 1.0  # chi-square by a step of one prior standard deviation: smaller effects explain nothing
@@ -473,3 +473,23 @@ class Compositions:
         if np.isnan(evidence):
             raise FloatingPointError("the log evidence is not a number")
         return Candidate(chosen, tuple(parts), evidence, found.p_value, float(found.chi_square.min()))
+
+    def fit_from(self, found: Candidate) -> Candidate | None:
+        """Return an explanation fitted again from its own parameters, with its own alternatives of the first cause.
+
+        None where the fit fails.
+        """
+        names = " and ".join(self.weighing.label(name) for name in found.names)
+        return self.weighing.faults.attempt(names, partial(self._from, found))
+
+    def _from(self, found: Candidate) -> Candidate:
+        (_, *others), (part, *rest) = found.chosen, found.parts
+        together = JointHypothesis(part.hypotheses, tuple(others))
+        beside = np.concatenate([np.zeros(0), *(c.theta for c in others)])
+        start = np.hstack([part.theta, np.tile(beside, (len(part.theta), 1))])
+        again = fit(self.weighing.data, together, refine=False, start=start)
+        open_ones = sum(float(np.log(one.probability[one.best])) for one in rest)
+        chosen = together.best(again)
+        evidence = again.log_evidence - open_ones + sum(self.weighing.log_prior(c.cause.name) for c in chosen)
+        parts = together.of_free(again), *rest
+        return Candidate(chosen, parts, evidence, again.p_value, float(again.chi_square.min()))

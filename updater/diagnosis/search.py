@@ -40,6 +40,7 @@ _NO_EFFECT = 5.0  # of log evidence lost by a second body: 7 to 9 where there is
 # are 0.71 times the error of shapes
 _LESS = 0.71
 _MASSES = {"added_mass", "distributed_mass"}  # causes that are masses
+_LOST = 50.0  # of chi-square: a fit that is worse than the known one has ended elsewhere
 _MAX = 3  # causes at once, in addition to the parameters of a file
 # squared distance, in standard deviations, of predictions of one explanation that is found twice: turns of a fit end
 # where log evidence grows by less than half of it
@@ -233,7 +234,7 @@ def _again(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candida
     near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING][:_MAX_JUDGED]
     if is_hidden(near[0]):
         near += [c for c in found if not is_hidden(c) and c not in near][: N_SEEDS - 1]
-    again = ranked([fitted for fitted in (several.coordinate_fit(c.chosen) for c in near) if fitted is not None])
+    again = ranked([fitted for fitted in (_fitted_again(several, c) for c in near) if fitted is not None])
     free = bool(again) and is_relaxed_doubtful(weighing, again[0])
     if free:
         (name,) = again[0].names
@@ -243,6 +244,19 @@ def _again(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candida
     if free or (rare and not _explains_alone(weighing, again[0])):
         again += several.at_once(weighing.common_forms, known=again)
     return ranked(again)
+
+
+def _fitted_again(several: Compositions, found: Candidate) -> Candidate | None:
+    """Return an explanation fitted to other data; from its parameters, where a fit that begins without them is worse.
+
+    Where modes cross on the way, a fit that allows for less error may end before them.
+    """
+    fitted = several.coordinate_fit(found.chosen)
+    data = several.weighing.data
+    known = fit(data, fixed(data, found.chosen))
+    if fitted is not None and fitted.chi_square < known.chi_square[0] + _LOST:
+        return fitted
+    return several.fit_from(found) or fitted
 
 
 def _explains_alone(weighing: EvidenceComparison, best: Candidate) -> bool:
