@@ -50,7 +50,9 @@ def _comma_hint(text: str, error: str) -> str:
         r"Expected newline or end of document after a statement \(at line (\d+), column (\d+)\)", error
     )
     line, column = (text.split("\n")[int(place[1]) - 1], int(place[2]) - 1) if place else ("", 0)
-    return ": the decimal sign is a point" if re.search(r"\d$", line[:column]) and line[column] == "," else ""
+    return (
+        ": the decimal sign is a point" if re.search(r"\d$", line[:column]) and re.match(r",\d", line[column:]) else ""
+    )
 
 
 def parse_json(text: str | bytes) -> Any:  # noqa: ANN401 - any JSON value

@@ -410,9 +410,9 @@ def lost_modes_text(found: DiscrepancyResult) -> str:
     agreeing = [mode.measured for mode, percent in zip(new, off, strict=True) if percent < _AGREES_PERCENT]
     if len(agreeing) >= len(lost):
         return f"{absent}: with the causes the model has modes at {_hertz(agreeing)}, where they are measured now."
+    changes = f"the changes of {len(lost) - len(agreeing)} of them" if agreeing else "their changes"
     return (
-        f"{absent}: the answer does not use their changes. Repeat with windows twice as long (--window), or record "
-        "longer."
+        f"{absent}: the answer does not use {changes}. Repeat with windows twice as long (--window), or record longer."
     )
 
 

@@ -117,7 +117,10 @@ def draw(seed: int) -> tuple[Structure, Portal, float, tuple[Observation, Observ
 
 @pytest.mark.parametrize(("seed", "only"), few_of([(2, FEW[:1]), *CLAMPED_CASES]))
 def test_stiffness_of_a_foot_that_is_nearly_a_hinge(seed: int, only: tuple[str, ...]) -> None:
-    """About both axes within three stated deviations; the written file is four times as close to the modes."""
+    """About both axes within three stated deviations; the written file is four times as close to the modes.
+
+    About the stronger axis the largest of 20 is 6.7 times the truth: the modes bound it, but hardly depend on it.
+    """
     file, portal, foot, (before, after) = draw(seed)
     found = explain(file, before, after, only=only).diagnosis
     print(seed, foot, found)
@@ -126,9 +129,10 @@ def test_stiffness_of_a_foot_that_is_nearly_a_hinge(seed: int, only: tuple[str, 
     assert cause.cause == "support_stiffness"
     assert cause.where
     assert cause.where.position == portal.at("right", 0.0)
-    for axis in ("rx", "ry"):
+    for axis, most in (("rx", 10.0), ("ry", 2.5)):
         stiffness = cause.parameters[f"stiffness_{axis}"]
         assert abs(stiffness.value - foot) < 3 * stiffness.std
+        assert stiffness.value < most * foot
     assert found.gain
     error = found.gain.frequency_error_percent
     assert error.before

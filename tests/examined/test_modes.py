@@ -13,6 +13,8 @@ CASES = [
     ("sliding", 324),
 ]
 THOROUGH = [
+    ("bridge: support_stiffness", 2467500227001),  # a repeated fit ended where modes cross
+    ("bridge: support_stiffness", 2467500227006),
     ("built frame: sensor_position", 1360185812001),  # 26 mm, hidden by an assumed error of 1 % of shapes
     ("support_stiffness", 304),
     ("attached_oscillator", 308),

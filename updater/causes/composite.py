@@ -136,15 +136,19 @@ class JointHypothesis(Generic[C]):
 
     def refined(self, log_density: FloatArray, theta: FloatArray) -> "JointHypothesis[C] | None":
         """Refine the free one."""
-        closer = self.free.refined(log_density, theta[:, : len(self.free.prior_std)])
+        closer = self.free.refined(self._allowed(log_density), theta[:, : len(self.free.prior_std)])
         return None if closer is None else replace(self, free=closer, start_neutral=False)
 
     def rescaled(self, log_density: FloatArray, theta: FloatArray) -> "JointHypothesis[C] | None":
         """Rescale the free one."""
         if not isinstance(self.free, Rescaled):
             return None
-        closer = self.free.rescaled(log_density, theta[:, : len(self.free.prior_std)])
+        closer = self.free.rescaled(self._allowed(log_density), theta[:, : len(self.free.prior_std)])
         return None if closer is None else replace(self, free=closer, start_neutral=False)
+
+    def _allowed(self, log_density: FloatArray) -> FloatArray:
+        """Return log densities without those of alternatives that another cause excludes."""
+        return np.where(np.isneginf(self.log_prior), -np.inf, log_density)
 
     def of_free(self, fit: "Fit[JointHypothesis[C]]") -> Fit[C]:
         """Return the fit of the free cause alone, the others' uncertainty included."""

@@ -260,6 +260,10 @@ class Stretches:
         precision = np.linalg.inv(fit.covariance[fit.best])[0, 0]
         return float(abs(fit.theta[fit.best, 0]) * np.sqrt(precision))
 
+    def relative_std(self, fit: Fit[Any]) -> float:
+        """Return the relative standard deviation of the strength of the best alternative, likewise [-]."""
+        return 1 / self.deviations(fit)
+
     def points(self, fit: Fit[Any]) -> FloatArray:
         """Return the middle of each alternative (n, 3) [m]."""
         return self.places(fit.theta, np.arange(len(self.member)))

@@ -76,7 +76,16 @@ from updater.diagnosis.search import (
     within_noise,
 )
 from updater.diagnosis.simplification import merged, only_needed, significant_only
-from updater.diagnosis.weighing import SURE, Candidate, EvidenceComparison, OnCause, allowed_causes, ranked, say_nothing
+from updater.diagnosis.weighing import (
+    SURE,
+    Candidate,
+    EvidenceComparison,
+    Faults,
+    OnCause,
+    allowed_causes,
+    ranked,
+    say_nothing,
+)
 from updater.errors import SelectionError
 from updater.fe import Model
 from updater.inference import MODEL_ERROR, Comparison, compare
@@ -202,7 +211,7 @@ class _Question:
             return _refused("unexplained", case, best.log_evidence, "scattered_mass")
         if _worn(found[0]):
             return _refused("unexplained", case, best.log_evidence, "widespread_stiffness")
-        return _explained(case, with_unlisted_bodies(case, with_open_places(case, found)), best.log_evidence)
+        return _with_displaced_modes(case, found, good, best.log_evidence)
 
     def _compared(self) -> tuple[EvidenceComparison, float | None]:
         """Return the causes to compare.
@@ -403,15 +412,49 @@ def _gained(case: Case, chosen: Sequence[SelectedCause], written: Model, known: 
     return written_gain(case.reference, case.data, case.measured, case.heldout, chosen, (before, written), known)
 
 
-def _explained(case: Case, found: list[Candidate], searched: float) -> DiagnosisResult:
+def _with_displaced_modes(case: Case, found: list[Candidate], good: Comparison, searched: float) -> DiagnosisResult:
+    """Name the causes, fitted also to modes that only they identify; without these where they then do not fit.
+
+    The others are fitted without these modes: the log evidence of the best remains what it was.
+
+    Parameters
+    ----------
+    good : the event, compared with the error of a good model
+    searched : as of `_explained`
+    """
+
+    def refitted() -> tuple[Comparison, Candidate]:
+        more = _with_further_modes(case, case.data, best.chosen, displaced=lost)
+        if more is case.data:
+            return more, best
+        faults = Faults()  # a cause that fails here has not failed before
+        again = Compositions(replace(case.weighing, data=more, faults=faults)).coordinate_fit(best.chosen)
+        if again is None:
+            raise RuntimeError("; ".join(faults.found.values()))
+        return (more, replace(again, log_evidence=best.log_evidence)) if _accepted(good, again) else (case.data, best)
+
+    best, lost = found[0], np.setdiff1d(case.reference.paired, case.data.paired)
+    data = case.data
+    if data.nominal is None:  # else the model was recalibrated to these very modes
+        data, best = case.weighing.faults.attempt("modes that moved far", refitted) or (data, best)
+    if data is not case.data:
+        answer = _explained(case, [best, *found[1:]], data, searched)
+        if answer.diagnosis.verdict != "unexplained":
+            return answer
+    return _explained(case, found, case.data, searched)
+
+
+def _explained(case: Case, found: list[Candidate], data: Comparison, searched: float) -> DiagnosisResult:
     """Name the causes that hold 0.8 of the posterior, those that the data cannot separate as one.
 
     Parameters
     ----------
+    data : that the best is fitted to: of `case`, or with further modes
     searched : log evidence of the best, as `case.singles` have theirs
     """
-    best, data = _with_displaced_modes(case, found[0])
-    found = [best, *found[1:]]
+    wider = replace(case, data=data, weighing=replace(case.weighing, data=data))
+    found = with_unlisted_bodies(wider, with_open_places(wider, found))
+    best = found[0]
     named, sure, left_open = named_causes(case.data, found, SURE, case.weighing.log_nothing)
     chosen, data = _with_all_modes(case, data, agreeing(data, best.chosen))
     chosen = as_reported(data, chosen, best)
@@ -491,27 +534,6 @@ def _smallest(case: Case, chosen: Sequence[SelectedCause]) -> tuple[SmallestChan
         "the smallest changes", lambda: smallest_changes(plain.data, plain.causes, tuple(chosen))
     )
     return found or ()
-
-
-def _with_displaced_modes(case: Case, best: Candidate) -> tuple[Candidate, Comparison]:
-    """Return an explanation fitted also to modes that only it identifies, with its former evidence, and these data.
-
-    Unchanged if there are none, or if it does not fit with them.
-    """
-
-    def refitted() -> tuple[Candidate, Comparison]:
-        lost = np.setdiff1d(case.reference.paired, case.data.paired)
-        more = _with_further_modes(case, case.data, best.chosen, displaced=lost)
-        if more is case.data:
-            return best, more
-        found = Compositions(replace(case.weighing, data=more)).coordinate_fit(best.chosen)
-        if found is None or not fits(found):
-            return best, case.data
-        return replace(found, log_evidence=best.log_evidence), more  # others are fitted without these modes
-
-    if case.data.nominal is not None:  # the model was recalibrated to these very modes
-        return best, case.data
-    return case.weighing.faults.attempt("modes that moved far", refitted) or (best, case.data)
 
 
 def _with_all_modes(

@@ -43,7 +43,9 @@ _SHARE = 0.2  # of the model error of frequencies: five times as close
 _NEAR = 0.03  # ln f between measured and predicted modes that may be the same
 _ALIKE = 0.8  # MAC, likewise
 _FAR = 0.5  # ln f between modes that are the same by their shapes alone
+_OF_SHIFT = 0.5  # of the predicted shift: error that the parameters, fitted without these modes, may have
 _SAME_SHAPE = 0.9  # MAC of these, if no other is similar
+_ROUNDING = 1e-9  # of ln f
 _SIGNIFICANT = 3.0  # standard deviations of a drift that is kept
 
 
@@ -148,7 +150,11 @@ def with_further_modes(
     """
     if data.circumstances.trend is not None or not np.isfinite(every.shape).all():
         return data
-    others = every.only(np.flatnonzero(~np.isin(every.log_frequency, event.log_frequency)))
+    added = data.tracks < 0  # by an earlier call
+    known = data.log_ratio[added] + np.log(data.frequency[data.paired[added]])
+    taken = np.isin(every.log_frequency, event.log_frequency)
+    taken |= np.isclose(every.log_frequency[:, None], known, rtol=0, atol=_ROUNDING).any(1)
+    others = every.only(np.flatnonzero(~taken))
     measured, modes = _answers(data, chosen, others.at(data.channels), displaced)
     if not len(measured):
         return data
@@ -175,7 +181,9 @@ def _answers(
     modes = np.argmax((vector * weighed)[:n_modes, found[measured]], axis=0)
     fresh = ~np.isin(modes, data.paired) & (np.bincount(modes, minlength=n_modes)[modes] == 1)
     if displaced is not None:
-        fresh &= np.isin(modes, displaced)
+        there = log_frequency[found[measured]]
+        moved = np.abs(there - np.log(data.frequency[modes]))
+        fresh &= np.isin(modes, displaced) & (off[measured, found[measured]] < _NEAR + _OF_SHIFT * moved)
     return measured[fresh], modes[fresh]
 
 

@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 from scipy.special import chdtri, logsumexp
 
+from daq import FloatArray
 from updater.causes import CATALOGUE, LocalStiffness, ModelParameters, SelectedCause, Springs, covariance_with_unlisted
 from updater.diagnosis.case import Case
 from updater.diagnosis.combinations import Compositions, common
@@ -45,6 +46,7 @@ _MAX = 3  # causes at once, in addition to the parameters of a file
 # squared distance, in standard deviations, of predictions of one explanation that is found twice: turns of a fit end
 # where log evidence grows by less than half of it
 _SAME_PREDICTION = 2.0
+_SAME_PLACE, _ROUNDING = 3.0, 1e-6  # standard deviations between places of a cause that is found twice; and in m
 _NEARLY = 4.0  # of log evidence below the best: a share of 2 %, which refinement may increase to one worth naming
 _EXCHANGED = 3  # causes from which one of them is exchanged: pairs are sought from several single causes
 
@@ -363,7 +365,7 @@ def evenly_refined(weighing: EvidenceComparison, found: list[Candidate]) -> list
     """
     least = found[0].log_evidence - _NEARLY
     near = [c for c in found if c.log_evidence > least and len(c.chosen) > 1]
-    if len(near) == 1:
+    if all(c is found[0] for c in near):
         return found
     several = Compositions(weighing)
     again = [(c, several.converged_fit(c.chosen)) for c in near]
@@ -375,8 +377,27 @@ def evenly_refined(weighing: EvidenceComparison, found: list[Candidate]) -> list
 
 
 def _is_same(data: Comparison, one: Candidate, other: Candidate) -> bool:
-    """Return whether two explanations are one: the same causes with the same prediction."""
-    return sorted(one.names) == sorted(other.names) and separation(data, one, other) < _SAME_PREDICTION
+    """Return whether two explanations are one: the same causes at the same places with the same prediction."""
+    return (
+        sorted(one.names) == sorted(other.names)
+        and all(map(_is_near, _placed(one), _placed(other)))
+        and separation(data, one, other) < _SAME_PREDICTION
+    )
+
+
+def _placed(candidate: Candidate) -> list[tuple[str, FloatArray, float]]:
+    """Return the causes with place and its standard deviation [m], by name and place; without a place at the origin."""
+    found = []
+    for part in candidate.parts:
+        where = part.hypotheses.where(part)
+        position = (where and where.position) or (0.0, 0.0, 0.0)
+        found.append((part.hypotheses.name, position, (where and where.position_std) or 0.0))
+    return [(name, np.array(position), std) for name, position, std in sorted(found)]
+
+
+def _is_near(one: tuple[str, FloatArray, float], other: tuple[str, FloatArray, float]) -> bool:
+    """Return whether two places are the same within their standard deviations."""
+    return bool(np.linalg.norm(one[1] - other[1]) <= _SAME_PLACE * np.hypot(one[2], other[2]) + _ROUNDING)
 
 
 def _as_good(one: Candidate, other: Candidate) -> bool:

@@ -211,11 +211,11 @@ def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True, start: Fl
 def refined_fit(comparison: Comparison, found: Fit[H]) -> Fit[H]:
     """Fit refined alternatives after the first ones, with a prior of their order; return the last fit."""
     closer = found.hypotheses.refined(found.log_density, found.theta)
-    for _ in range(_RESCALED):
+    for left in reversed(range(_RESCALED)):
         if closer is None:
             break
         found = _fit(comparison, closer, closer.start, near=True)
-        closer = closer.rescaled(found.log_density, found.theta) if isinstance(closer, Rescaled) else None
+        closer = closer.rescaled(found.log_density, found.theta) if left and isinstance(closer, Rescaled) else None
     return found
 
 

@@ -103,7 +103,7 @@ def breathing(
         return None  # stiffness was gained
     known = cause.comparison.circumstances.opening.get(cause.name)
     n_tests = len(tests) + (known.n_tests if known else 0)
-    posterior = _most_probable_law(place, tests, n_tests, 1 / cause.deviations(part))
+    posterior = _most_probable_law(place, tests, n_tests, cause.relative_std(part))
     if not posterior.closes:
         return posterior.breathing
     unused = None if heldout is None else SignalWindow.of(posterior.best.test.state, cause.comparison, heldout)
@@ -143,7 +143,7 @@ def _opening(
     tests: Sequence[ActionTest],
 ) -> Opening | None:
     """Return the moment that opens the place; None if it is not one of a member."""
-    position, std = cause.where(part).position, 1 / cause.deviations(part)
+    position, std = cause.where(part).position, cause.relative_std(part)
     best, law = posterior.best.test, posterior.breathing.law
     kind = best.symmetric, best.action.axis
     test = next((one for one in tests if one.at_best and (one.symmetric, one.action.axis) == kind), None)

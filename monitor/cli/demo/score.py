@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from shutil import which
 from typing import Any
 
@@ -196,9 +197,11 @@ def _write_pictures(out: Path, report: RunReport) -> None:
 
 def _say_next(console: Console, out: Path, report: RunReport) -> None:
     console.print("Report:              ", f"{out}/report.html", soft_wrap=True)
-    console.print("Viewer:              ", f"{program_path('rerun')} {out}/overview.rrd", soft_wrap=True)
-    console.print("Repeat the analysis, with the same modes and alarm to the last digit:", soft_wrap=True)
-    console.print("                     ", f"{program_path('modalwatch')} replay {report.log}", soft_wrap=True)
+    console.print("Viewer:              ", f"{program_path('rerun')} {quote(f'{out}/overview.rrd')}", soft_wrap=True)
+    console.print("Repeat the analysis, with the same modes and alarm:", soft_wrap=True)
+    console.print(
+        "                     ", f"{program_path('modalwatch')} replay {quote(str(report.log))}", soft_wrap=True
+    )
     console.print("All results:         ", f"{out}/answer.json", soft_wrap=True)
 
 
@@ -207,4 +210,5 @@ def program_path(name: str) -> str:
     path = Path(sys.executable).parent / name
     if which(name) == str(path) or not path.is_file():
         return name
-    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+    near = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    return quote(f"./{near}" if near == Path(name) else str(near))

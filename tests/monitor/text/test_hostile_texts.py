@@ -61,6 +61,8 @@ def test_error_of_a_bare_word_in_toml_names_the_quotes(text: str, hint: str) -> 
         ("a = -1,5e3", r": the decimal sign is a point$"),
         ("a = 1 b = 2", r"column 7\)$"),
         ('a = "x", 2', r"column 8\)$"),
+        ("rate = 500,", r"column 11\)$"),
+        ("a = 1, # c", r"column 6\)$"),
     ],
 )
 def test_error_of_a_comma_in_a_number_of_toml_names_the_point(text: str, hint: str) -> None:

@@ -39,7 +39,7 @@ _LARGE = 2.0  # times the prior standard deviation, which a Gaussian prior permi
 _ORDERS = 1e-3, 300.0  # range of the order of a parameter, over that: hardly visible to a hinge
 _WIDER = 3.0  # times the size of a large change: standard deviation of its prior, which then hardly pulls it
 _FAR = 10.0  # times the order of the prior of a fit: largest order
-_HINGE = 10.0  # parameter where a fit begins that ends near a hinge: nine tenths of the way
+_HINGE = 10.0  # parameter where a fit begins that may end near a hinge: by L / (E I), nine tenths of the way to it
 _LIKELY = 150.0  # of log evidence below the best alternative: those that also begin there
 _SAME_ORDER = 0.2  # logarithm of the ratio of two orders of a prior that make no difference
 
@@ -50,9 +50,9 @@ class Springs(Discrete):
 
     Alternatives are the possibly changed axes of each connection, singly and together: an unchanged axis, or one
     without effect on the data, must not affect the evidence. Each is there twice, started from no change and from the
-    frequencies to first order: where modes cross on the way, one of them may not converge. Once refined, each is there
-    once. A free axis starts with the
-    stiffness of the member, because only there its stiffness moves a mode.
+    frequencies to first order: where modes cross on the way, one of them may not converge. A large change is fitted
+    from hinges too (`refined`). A free axis starts with the stiffness of the member, because only there its stiffness
+    moves a mode.
     """
 
     name: str
@@ -133,11 +133,12 @@ class Springs(Discrete):
         return np.array([self.connections[row].at for row in rows])
 
     def refined(self, log_density: FloatArray, theta: FloatArray) -> Self | None:
-        """Return the same with a prior of the order of the best change, if that is larger than usual.
+        """Return each alternative once, and likely ones from hinges too, with a wide prior; None for a usual change.
 
         The evidence has a prior of unknown order in any case. The usual Gaussian prior of the fit pulls a large change
         towards zero, and leaves a residual in the frequencies and shapes. On the way to a hinge modes cross, where a
-        fit may end: likely alternatives also begin with a hinge about each of their axes.
+        fit may end: likely alternatives also begin with a hinge about each of their axes. `rescaled` then sets the
+        order of the prior.
         """
         if self._size(log_density, theta) <= _LARGE * self.prior_std[0]:
             return None
@@ -196,12 +197,28 @@ class Springs(Discrete):
 
     def deviations(self, fit: Fit[Cause]) -> float:
         """Return the change of the most changed spring in standard deviations."""
-        return float(np.max(_deviations(fit), where=self.active[fit.best], initial=0.0))
+        return float(np.max(self._deviations(fit), where=self.active[fit.best], initial=0.0))
+
+    def relative_std(self, fit: Fit[Cause]) -> float:
+        """Return the smallest relative standard deviation of an added flexibility [-]."""
+        std = np.sqrt(np.diagonal(fit.covariance[fit.best]))
+        return 1 / float(np.max(np.abs(fit.theta[fit.best]) / std, where=self.active[fit.best], initial=0.0))
+
+    def _deviations(self, fit: Fit[Cause]) -> FloatArray:
+        """Return the changes (3,) of the best alternative in standard deviations, as they act on the modes.
+
+        A spring that is much softer than its member is nearly a hinge. Its effect t / (1 + t) is certain where its
+        flexibility t, on which the modes hardly depend, is not. The prior does not count as knowledge of this effect.
+        """
+        theta, variance = fit.theta[fit.best], np.diagonal(fit.covariance[fit.best])
+        by_data = np.sqrt(np.maximum(1 / variance - self.prior_std**-2.0, 0.0))
+        effect = (1 + np.maximum(theta, 0.0)) * by_data
+        return np.asarray(np.abs(theta) * np.maximum(effect, variance**-0.5))
 
     def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the stiffness about or along each axis with a significant change."""
         found = {}
-        deviations = _deviations(fit)
+        deviations = self._deviations(fit)
         for a, axis, now in self._now(self.connections[fit.best], fit.best, fit.theta[fit.best]):
             own = float(fit.covariance[fit.best, a, a] ** 0.5)
             if deviations[a] < SIGNIFICANT:
@@ -291,17 +308,6 @@ class Springs(Discrete):
             for a, axis in enumerate(self.axes[row])
             if self.active[row, a]
         ]
-
-
-def _deviations(fit: Fit[Cause]) -> FloatArray:
-    """Return the changes (3,) of the best alternative in standard deviations, as they act on the modes.
-
-    A spring that is much softer than its member is nearly a hinge. Its effect t / (1 + t) is certain where its
-    flexibility t, of which the modes depend little, is not.
-    """
-    theta = fit.theta[fit.best]
-    std = np.sqrt(np.diagonal(fit.covariance[fit.best]))
-    return np.asarray(np.abs(theta) * (1 + np.maximum(theta, 0.0)) / std)
 
 
 #: feet and joints of a structure by the cause that changes their stiffness

@@ -243,7 +243,7 @@ def received(topic: str, payload: str) -> MQTTMessage:
     ("target", "says"),
     [
         ("mqtt://me:Hush7Secret@127.0.0.1:1/x", "mqtt://127.0.0.1:1"),
-        ("mqtt://h/site/#", "TARGET: expected mqtt://HOST/TOPIC, without wildcards"),
+        ("mqtt://h/site/#", "ADDRESS: expected mqtt://HOST/TOPIC, without wildcards"),
     ],
 )
 def test_wrong_broker_is_one_error(target: str, says: str, modalwatch: Commands) -> None:

@@ -182,7 +182,8 @@ def test_stated_stiffness_deviation_follows_from_its_flexibilities(design: str, 
     cause = replace(cause, comparison=shifted)
     row = int(np.argmax(cause.active.sum(1)))
     theta = np.where(cause.active, 0.9 * cause.prior_std, 0.0)
-    covariance = np.tile(np.diag([0.01, 0.02, 0.03]) ** 2, (len(theta), 1, 1))
+    by_data = np.array([0.01, 0.02, 0.03])
+    covariance = np.tile(np.diag(1 / (by_data**-2 + cause.prior_std**-2)), (len(theta), 1, 1))
     density = np.where(np.arange(len(theta)) == row, 0.0, -1e3)
     cause = replace(cause, before_std=np.where(cause.active, 0.1 / cause.unit, 0.0))
     found: Fit[Any] = Fit(
@@ -199,9 +200,7 @@ def test_stated_stiffness_deviation_follows_from_its_flexibilities(design: str, 
     parameters, changes = cause.parameters(found), cause.changes(found)
     active = [axes[a] for a in np.flatnonzero(cause.active[row])]
     assert list(parameters) == [f"stiffness_{axis}" for axis in active]
-    assert cause.deviations(found) == pytest.approx(
-        max(0.09 * 1.09 / s for s in np.array([0.01, 0.02, 0.03])[cause.active[row]])
-    )
+    assert cause.deviations(found) == pytest.approx(max(0.09 * 1.09 / s for s in by_data[cause.active[row]]))
     for axis, (key, quantity) in zip(active, parameters.items(), strict=True):
         a = axes.index(axis)
         flexibility = 1 / spring(connection, axis) + theta[row, a] / cause.unit[row, a]
