@@ -20,7 +20,7 @@ from monitor.analysis.observation import Observation, observe, window_seconds
 from tests.support.portals import measured_modes
 from tests.support.portals.tube_portal import LEFT, Portal
 from tests.support.thorough import few_of
-from updater import Structure, parse_structure
+from updater import Cause, Diagnosis, Structure, parse_structure
 
 RATE, SECONDS, OVER = 500, 180, 4
 RIGHT = 120.0  # N m/rad
@@ -62,6 +62,16 @@ def observed(portal: Portal, foot: float, seed: int) -> Observation:
     )
 
 
+def of_right_foot(found: Diagnosis, portal: Portal) -> Cause:
+    """Return the only cause, which must be the right foot."""
+    assert found.verdict == "explained"
+    (cause,) = found.causes
+    assert cause.cause == "support_stiffness"
+    assert cause.where
+    assert cause.where.position == portal.at("right", 0.0)
+    return cause
+
+
 #: by the distance of the two closest modes with the loose foot, in per cent
 PORTALS = {
     0.14: Portal(0.010, 0.010, 0.001, 0.6, 0.66),
@@ -87,11 +97,7 @@ def test_loose_foot_is_named_where_two_modes_mix(apart: float, seed: int, only: 
     assert 100 * (np.diff(frequency[1:11]) / frequency[1:10]).min() == pytest.approx(apart, abs=0.005)
     found = explain(portal.file(), observed(portal, LEFT, seed), observed(portal, RIGHT, seed), only=only).diagnosis
     print(apart, seed, found)
-    assert found.verdict == "explained"
-    (cause,) = found.causes
-    assert cause.cause == "support_stiffness"
-    assert cause.where
-    assert cause.where.position == portal.at("right", 0.0)
+    cause = of_right_foot(found, portal)
     for axis in ("rx", "ry"):
         stiffness = cause.parameters[f"stiffness_{axis}"]
         assert stiffness.std < RIGHT / 5
@@ -124,11 +130,7 @@ def test_stiffness_of_a_foot_that_is_nearly_a_hinge(seed: int, only: tuple[str, 
     file, portal, foot, (before, after) = draw(seed)
     found = explain(file, before, after, only=only).diagnosis
     print(seed, foot, found)
-    assert found.verdict == "explained"
-    (cause,) = found.causes
-    assert cause.cause == "support_stiffness"
-    assert cause.where
-    assert cause.where.position == portal.at("right", 0.0)
+    cause = of_right_foot(found, portal)
     for axis, most in (("rx", 10.0), ("ry", 2.5)):
         stiffness = cause.parameters[f"stiffness_{axis}"]
         assert abs(stiffness.value - foot) < 3 * stiffness.std

@@ -467,12 +467,7 @@ class Compositions:
             found = self.weighing.fit_beside(free, tuple(others))
             chosen = found.hypotheses.best(found)
             parts.insert(0, found.hypotheses.of_free(found))
-        # the last fit sums over one cause's alternatives; the others count with those they leave open, not with one
-        open_ones = sum(float(np.log(part.probability[part.best])) for part in parts[1:])
-        evidence = found.log_evidence - open_ones + sum(self.weighing.log_prior(c.cause.name) for c in chosen)
-        if np.isnan(evidence):
-            raise FloatingPointError("the log evidence is not a number")
-        return Candidate(chosen, tuple(parts), evidence, found.p_value, float(found.chi_square.min()))
+        return _with_known_evidence(self.weighing.joint_candidate(found, chosen, tuple(parts)))
 
     def fit_from(self, found: Candidate) -> Candidate | None:
         """Return an explanation fitted again from its own parameters, with its own alternatives of the first cause.
@@ -488,8 +483,11 @@ class Compositions:
         beside = np.concatenate([np.zeros(0), *(c.theta for c in others)])
         start = np.hstack([part.theta, np.tile(beside, (len(part.theta), 1))])
         again = fit(self.weighing.data, together, refine=False, start=start)
-        open_ones = sum(float(np.log(one.probability[one.best])) for one in rest)
-        chosen = together.best(again)
-        evidence = again.log_evidence - open_ones + sum(self.weighing.log_prior(c.cause.name) for c in chosen)
         parts = together.of_free(again), *rest
-        return Candidate(chosen, parts, evidence, again.p_value, float(again.chi_square.min()))
+        return _with_known_evidence(self.weighing.joint_candidate(again, together.best(again), parts))
+
+
+def _with_known_evidence(candidate: Candidate) -> Candidate:
+    if np.isnan(candidate.log_evidence):
+        raise FloatingPointError("the log evidence is not a number")
+    return candidate

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from updater.causes import CATALOGUE, Cause, JointHypothesis, LocalStiffness, SelectedCause, Sized
+from updater.causes import CATALOGUE, Cause, JointHypothesis, LocalStiffness, Sized
 from updater.diagnosis.combinations import Compositions
 from updater.diagnosis.weighing import Candidate, EvidenceComparison, ranked, shown_by_signals
 from updater.inference import Fit, fit
@@ -86,10 +86,7 @@ def _refitted(
     beside: JointHypothesis[Cause] = JointHypothesis(whole, others)
     found = fit(weighing.data, beside, refine=False)
     parts = tuple(p for k, p in enumerate(candidate.parts) if k not in pair)
-    open_ones = sum(float(np.log(part.probability[part.best])) for part in parts)
-    chosen: tuple[SelectedCause, ...] = beside.best(found)
-    evidence = found.log_evidence - open_ones + sum(weighing.log_prior(c.cause.name) for c in chosen)
-    return Candidate(chosen, (beside.of_free(found), *parts), evidence, found.p_value, float(found.chi_square.min()))
+    return weighing.joint_candidate(found, beside.best(found), (beside.of_free(found), *parts))
 
 
 def only_needed(

@@ -294,6 +294,23 @@ class EvidenceComparison:
         whole = sum(entry.rarity for entry in CATALOGUE.values() if not entry.of_the_file)
         return float(np.log((1 - PRIOR_NOTHING) * CATALOGUE[name].rarity / whole))
 
+    def joint_candidate(
+        self, found: Fit[JointHypothesis[Cause]], chosen: tuple[SelectedCause, ...], parts: tuple[Fit[Cause], ...]
+    ) -> Candidate:
+        """Return causes fitted together, with their evidence.
+
+        The fit sums over the alternatives of the first cause. Each other counts with those that it leaves open.
+
+        Parameters
+        ----------
+        found : fit of the first cause's alternatives with the others
+        chosen : the best alternative of each
+        parts : the fit of each, the others' uncertainty included
+        """
+        open_ones = sum(float(np.log(part.probability[part.best])) for part in parts[1:])
+        evidence = found.log_evidence - open_ones + sum(self.log_prior(c.cause.name) for c in chosen)
+        return Candidate(chosen, parts, evidence, found.p_value, float(found.chi_square.min()))
+
     def singles(self, only: Sequence[str] = ()) -> list[Candidate]:
         """Fit every cause alone, or only some, the best first; one that fails is left out.
 
