@@ -1,6 +1,6 @@
 """An event to be explained with its fits, and the result of its diagnosis."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from updater.causes import Cause
@@ -8,7 +8,7 @@ from updater.diagnosis.gain import Gained, WindowModes
 from updater.diagnosis.schema import Diagnosis, NextMeasurement, Rejected
 from updater.diagnosis.weighing import Candidate, EvidenceComparison
 from updater.inference import Comparison, Fit
-from updater.modal_data import ModalMean
+from updater.modal_data import Circumstances, ModalMean
 from updater.reference import Calibration, Reference
 from updater.structure import Body, Structure
 
@@ -73,3 +73,8 @@ class Case:
     heldout: WindowModes | None
     #: calibration of the structure file, if the reference's model has bodies that it lacks
     bare: Calibration | None = None
+
+    @property
+    def of_other_references(self) -> Circumstances:
+        """The circumstances, without shifts that are of the modes of this reference."""
+        return replace(self.data.circumstances, shifts=None)

@@ -11,8 +11,8 @@ from functools import partial
 
 import numpy as np
 
-from daq import IndexArray
-from updater.causes import CATALOGUE, AddedMass, CommonFactor, LocalStiffness, SelectedCause, Springs
+from daq import FloatArray, IndexArray
+from updater.causes import CATALOGUE, AddedMass, CommonFactor, LocalStiffness, SelectedCause, Springs, effect_of
 from updater.diagnosis.case import Case, DiagnosisResult, RecalibratedModel
 from updater.diagnosis.combinations import Compositions, common
 from updater.diagnosis.gain import (
@@ -77,6 +77,7 @@ from updater.diagnosis.search import (
 )
 from updater.diagnosis.simplification import merged, only_needed, significant_only
 from updater.diagnosis.weighing import (
+    DOUBTFUL,
     SURE,
     Candidate,
     EvidenceComparison,
@@ -88,13 +89,14 @@ from updater.diagnosis.weighing import (
 )
 from updater.errors import SelectionError
 from updater.fe import Model
-from updater.inference import MODEL_ERROR, Comparison, compare
+from updater.inference import MODEL_ERROR, Comparison, compare, shifts_of_all
 from updater.modal_data import NOTHING_KNOWN, Circumstances, KnownMass, ModalMean, OpeningEvidence
 from updater.reference import Calibration, ModelFit, Reference
 from updater.validation import opening_evidence, opens_significantly
 
 _ROUGHER = 2.0  # times the model error that a good model has, to search with
 _WORTH = 10.0  # of log evidence: another cause, its place and size; below the best, losses tested with the signals
+_FAR = 2.0  # times the mean shift of the compared modes: a larger one of another mode is not expected
 _MAX_OPEN = 5  # hypotheses that a next measurement is sought for
 _DRIFT = "global_stiffness"  # cause that represents a drift of all frequencies in the extended model
 _KNOWN_MASS = "added_mass"  # cause whose positions are those of a known mass
@@ -184,6 +186,8 @@ class _Question:
         """Explain the event: by single causes, joint causes, a revised reference, and then by the fewest causes."""
         plain, assumed = self._compared()
         search, singles = relaxed_alone(plain, self._singles(plain))
+        if (shifts := _far_shifts(plain.data, singles[0])) is not None:
+            return replace(self, circumstances=replace(self.circumstances, shifts=shifts)).answer()
         if opening := _opening(plain, self.measured.event, self.circumstances, singles):
             return replace(self, circumstances=replace(self.circumstances, opening=opening)).answer()
         case = Case(
@@ -278,7 +282,8 @@ class _Question:
         """Return the answer with another reference: with bodies that were removed, or springs that did not change."""
 
         def again(bare: Calibration | None, reference: Reference) -> DiagnosisResult:
-            return replace(self, reference=reference, bare=bare).answer()
+            known = replace(self.circumstances, shifts=None)  # they are of the modes of this reference
+            return replace(self, reference=reference, circumstances=known, bare=bare).answer()
 
         needed = only_needed(case.weighing, best, partial(_accepted, good))  # a body that is not needed shows no error
         revisions = {
@@ -287,6 +292,19 @@ class _Question:
         }
         revised = (case.weighing.faults.attempt(what, revision) for what, revision in revisions.items())
         return next((found for found in revised if found is not None), None)
+
+
+def _far_shifts(data: Comparison, best: Candidate) -> FloatArray | None:
+    """Return the log ratios (n_modes,) of all frequencies by a single cause that does not fit well; None if not needed.
+
+    Errors of the model turn modes into each other that are close after the change. A mode that was not measured is
+    assumed to shift as the others do. If the cause shifts it farther, it may be much closer to one of them.
+    """
+    if data.circumstances.shifts is not None or best.p_value >= DOUBTFUL:
+        return None
+    shifts = shifts_of_all(data, effect_of(best.chosen))
+    measured = np.abs(data.log_ratio)
+    return shifts if np.abs(np.delete(shifts, data.paired)).max() > _FAR * measured.mean() else None
 
 
 def _jointly(plain: EvidenceComparison, case: Case) -> tuple[Case, list[Candidate]]:

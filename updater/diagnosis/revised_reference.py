@@ -50,7 +50,7 @@ def with_removed_bodies(
         loaded = with_bodies_on(case.reference, bodies, shaped=bool(case.data.shaped.any()))
         if loaded is None:
             return None
-        data = compare(loaded, case.event, circumstances=case.data.circumstances)
+        data = compare(loaded, case.event, circumstances=case.of_other_references)
         fitted = _likelier_alone(Compositions(replace(case.weighing, reference=loaded, data=data)), chosen)
         removed = [body for _, body in removed_bodies(fitted.chosen)] if fitted else []
         if fitted is None or len(removed) != len(bodies):
@@ -89,7 +89,7 @@ def with_unchanged_springs(
             other = with_springs_at(reference, springs, shaped=bool(case.data.shaped.any()))
         if other is None:
             continue
-        data = compare(other, case.event, circumstances=case.data.circumstances)
+        data = compare(other, case.event, circumstances=case.of_other_references)
         several = Compositions(replace(case.weighing, reference=other, data=data))
         fitted = several.coordinate_fit(tuple(c for c in best.chosen if c is not one))
         log = -np.inf if fitted is None else fitted.log_evidence + data.log_det_of_shapes + _log_likelihood(other)

@@ -43,6 +43,7 @@ from updater.inference.reanalysis import no_effect as no_effect
 from updater.inference.reanalysis import picked as picked
 from updater.inference.reanalysis import predict as predict
 from updater.inference.reanalysis import reanalyse as reanalyse
+from updater.inference.reanalysis import shifts_of_all as shifts_of_all
 from updater.inference.residuals import Prediction as Prediction
 from updater.inference.residuals import residual as residual
 from updater.inference.shape_covariance import SHAPE_BIAS as SHAPE_BIAS

@@ -85,14 +85,15 @@ def compare(
     ratio = event.log_frequency - base.log_frequency
     at_channels = reference.at_channels(channels)
     expected = at_channels[:, reference.paired[tracks]].T
-    by_noise = turned_by_noise(reference, tracks, ratio, at_channels, (base, event))
+    every = _of_every_mode(reference, tracks, ratio, circumstances)
+    by_noise = turned_by_noise(reference, tracks, every, at_channels, (base, event))
     displaced = np.sqrt(of_model + (_MESH_ERROR_OF_DISPLACEMENT * of_mesh) ** 2)
-    foreign = foreign_modes(reference, tracks, ratio, at_channels, displaced, typical_shift)
+    foreign = foreign_modes(reference, tracks, every, at_channels, displaced, typical_shift)
     share = np.hypot(np.linalg.norm(foreign, axis=2), np.linalg.norm(by_noise, axis=2))
     now = np.where(np.isfinite(event.shape), event.shape, base.shape)
     altered = along_changed_modes(share, reference.paired[tracks], at_channels, base.shape, now)
     foreign = np.concatenate([foreign, by_noise, altered], axis=1)
-    nearer = nearer_modes(reference, tracks, ratio, at_channels, base.damping)
+    nearer = nearer_modes(reference, tracks, every, at_channels, base.damping)
     nearer = np.concatenate([nearer, by_noise], axis=1)
     sign = np.where((event.shape * base.shape).sum(1) < 0, -1, 1)[:, None]
     return Comparison(
@@ -105,7 +106,7 @@ def compare(
         sensor_errors=sensor_errors(reference, tracks, channels),
         mesh_errors=_common_to_modes(base.shape, sign * now, ratio, mesh_error),
         **imaginary_parts(base, event, sign, scatter, nearer, late),
-        **damping_changes(base, event, mixed_by_change(reference, tracks, ratio)),
+        **damping_changes(base, event, mixed_by_change(reference, tracks, every)),
         mass_tests=mass_tests(reference, tracks, event, error, circumstances.known_masses),
         nominal=_nominal_modes(reference, tracks, channels, base),
         model_base=expected / np.linalg.norm(expected, axis=1, keepdims=True),
@@ -118,6 +119,15 @@ def compare(
             circumstances.extra, channels, overdispersion, at_channels, reference.frequency, float(error.max())
         ),
     )
+
+
+def _of_every_mode(
+    reference: Reference, tracks: IndexArray, ratio: FloatArray, circumstances: Circumstances
+) -> FloatArray:
+    """Return the log ratios (n_modes,) of frequencies: measured, else predicted by a probable cause, else NaN."""
+    every = np.full(len(reference.frequency), np.nan) if circumstances.shifts is None else circumstances.shifts.copy()
+    every[reference.paired[tracks]] = ratio
+    return every
 
 
 def _common_to_modes(base: FloatArray, now: FloatArray, ratio: FloatArray, mesh_error: FloatArray) -> FloatArray:

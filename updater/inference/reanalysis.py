@@ -15,6 +15,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, IndexArray
 from updater.inference.comparison import Comparison
@@ -432,6 +433,18 @@ def picked(changed: Changed) -> tuple[FloatArray, FloatArray]:
         In the coordinates of the modes before the change [-].
     """
     return changed.value[np.arange(len(changed.pick))[:, None], changed.pick], _columns(changed.vector, changed.pick)
+
+
+def shifts_of_all(comparison: Comparison, effect: Effect) -> FloatArray:
+    """Return the log ratios (n_modes,) of the frequencies of all modes to those before, by one alternative.
+
+    Each mode has its own successor, all together those with the largest shares.
+    """
+    n = len(comparison.frequency)
+    changed = reanalyse(comparison, effect.rows(np.zeros(1, np.intp)))
+    share = (changed.vector * changed.weighed)[:, :n]
+    now = -0.5 * np.log(changed.value[0, linear_sum_assignment(share[0], maximize=True)[1]])
+    return np.asarray(now - np.log(2 * np.pi * comparison.frequency))
 
 
 def _columns(matrix: FloatArray, pick: IndexArray) -> FloatArray:

@@ -34,10 +34,12 @@ def foreign_modes(
     and turns it towards k by that times omega_i^2 / (omega_k^2 - omega_i^2); a spring does the same. If u_i is wrong by
     e_i times its typical size, d_i is wrong by 2 e_i (d_i d)^1/2 and the coupling by 2 (d (e_i^2 d_k + e_k^2 d_i))^1/2,
     d the mean of all: most where modes are close, and not nothing where a mode has its node. At a place where all modes
-    move less than they typically do, d is the shift that the same change would cause at a typical place.
+    move less than they typically do, d is the shift that the same change would cause at a typical place. Where mode k
+    moves more, u_i is wrong by e_i times that: modes of a model are turned into each other. Then d is d_k.
 
     Parameters
     ----------
+    ratio : (n_modes,) of log frequencies to those before, NaN where it is not known
     error : (n_modes,) of the displacements of the reference's modes, relative to their typical size
 
     Returns
@@ -45,11 +47,12 @@ def foreign_modes(
     (n, n_modes, n_channels)
         Standard deviation of each mode's share in unit shapes, times the mode.
     """
-    paired, shift = reference.paired[tracks], np.abs(ratio)
-    shifts = np.full(len(reference.frequency), shift.mean())
-    shifts[paired] = shift
-    wrong = error[paired, None] ** 2 * shifts + error**2 * shifts[paired, None]
-    coupling = 2 * np.sqrt(max(shift.mean(), typical_shift) * wrong)
+    paired = reference.paired[tracks]
+    shift = _every_shift(ratio, paired)
+    own = shift[paired, None]
+    least = max(float(own.mean()), typical_shift)
+    wrong = error[paired, None] ** 2 * shift * np.maximum(shift, least) + error**2 * own * np.maximum(own, least)
+    coupling = 2 * np.sqrt(wrong)
     closeness = np.maximum(*_closeness(reference.frequency, paired, ratio))
     return _towards(np.minimum(coupling * closeness, _MAX_TURNED), paired, at_channels)
 
@@ -80,12 +83,15 @@ def mixed_by_change(reference: Reference, tracks: IndexArray, ratio: FloatArray)
     To first order, a body that lowers modes i and k by d_i and d_k turns one towards the other by 2 (d_i d_k)^1/2
     omega_i^2 / (omega_k^2 - omega_i^2); a spring does the same. The share is the square of that, at most one: modes
     that are farther apart than they have moved keep their own.
+
+    Parameters
+    ----------
+    ratio : (n_modes,) as of `foreign_modes`
     """
-    paired, shift = reference.paired[tracks], np.abs(ratio)
-    shifts = np.full(len(reference.frequency), shift.mean())
-    shifts[paired] = shift
+    paired = reference.paired[tracks]
+    shift = _every_shift(ratio, paired)
     closeness = np.maximum(*_closeness(reference.frequency, paired, ratio))
-    turned = 2 * np.sqrt(shifts[paired, None] * shifts) * closeness
+    turned = 2 * np.sqrt(shift[paired, None] * shift) * closeness
     return np.asarray(np.minimum((turned**2).sum(1), 1.0))
 
 
@@ -96,6 +102,10 @@ def nearer_modes(
 
     Two modes that are damped together are complex by their closeness omega_i^2 / |omega_k^2 - omega_i^2| times twice
     the damping at most; half of that is expected of a change of closeness.
+
+    Parameters
+    ----------
+    ratio : (n_modes,) as of `foreign_modes`
 
     Returns
     -------
@@ -120,6 +130,7 @@ def turned_by_noise(
 
     Parameters
     ----------
+    ratio : (n_modes,) as of `foreign_modes`
     means : (n,) before and after
 
     Returns
@@ -196,15 +207,20 @@ def _towards(turned: FloatArray, paired: IndexArray, at_channels: FloatArray) ->
     return np.asarray(share[:, :, None] * (at_channels / length).T)
 
 
+def _every_shift(ratio: FloatArray, paired: IndexArray) -> FloatArray:
+    """Return the size of the shift of every mode (n_modes,): where it is not known, the mean of the compared ones."""
+    return np.asarray(np.where(np.isnan(ratio), np.abs(ratio[paired]).mean(), np.abs(ratio)))
+
+
 def _closeness(frequency: FloatArray, paired: IndexArray, ratio: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return omega_i^2 / |omega_k^2 - omega_i^2| (n, n_modes) before the change and after.
 
-    A mode that is not measured after the change is assumed as close as twice the mean shift of the others permits.
+    A mode of which the shift is not known is assumed as close as twice the mean shift of the compared ones permits.
     """
-    reach = 2 * np.abs(ratio).mean()
-    own, now = frequency[paired, None], (frequency[paired] * np.exp(ratio))[:, None]
-    after = np.clip(now, frequency * np.exp(-reach), frequency * np.exp(reach))
-    after[:, paired] = now.T
+    reach = 2 * np.abs(ratio[paired]).mean()
+    own, now = frequency[paired, None], (frequency * np.exp(ratio))[paired, None]
+    nearest = np.clip(now, frequency * np.exp(-reach), frequency * np.exp(reach))
+    after = np.where(np.isnan(ratio), nearest, frequency * np.exp(ratio))
     itself = np.arange(len(frequency)) == paired[:, None]
     gaps = (np.abs((frequency / own) ** 2 - 1), np.abs((after / now) ** 2 - 1))
     was, became = (np.where(itself, 0.0, 1 / np.maximum(gap, _MIN_GAP)) for gap in gaps)

@@ -116,6 +116,8 @@ class Circumstances:
     effort: Effort = field(default_factory=Effort)  #: of further measurements
     signals: Signals | None = None  #: of windows now and before
     opening: Mapping[str, OpeningEvidence] = field(default_factory=dict)  #: by the name of the loss of stiffness
+    #: (n_modes,) log ratios of the frequencies of the reference's modes by a probable cause, for those not measured
+    shifts: FloatArray | None = None
     steady: bool = True  #: whether the event's windows are of one state (`updater.modal_data.states.stationarity`)
 
     def opening_at(self, cause: str, sites: Sites) -> FloatArray:
