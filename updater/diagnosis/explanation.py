@@ -97,6 +97,7 @@ from updater.validation import opening_evidence, opens_significantly
 _ROUGHER = 2.0  # times the model error that a good model has, to search with
 _WORTH = 10.0  # of log evidence: another cause, its place and size; below the best, losses tested with the signals
 _FAR = 2.0  # times the mean shift of the compared modes: a larger one of another mode is not expected
+_CLOSE = 0.1  # of ln f, between modes that errors of the model turn into each other by more than measured shapes err
 _MAX_OPEN = 5  # hypotheses that a next measurement is sought for
 _DRIFT = "global_stiffness"  # cause that represents a drift of all frequencies in the extended model
 _KNOWN_MASS = "added_mass"  # cause whose positions are those of a known mass
@@ -303,8 +304,11 @@ def _far_shifts(data: Comparison, best: Candidate) -> FloatArray | None:
     if data.circumstances.shifts is not None or best.p_value >= DOUBTFUL:
         return None
     shifts = shifts_of_all(data, effect_of(best.chosen))
-    measured = np.abs(data.log_ratio)
-    return shifts if np.abs(np.delete(shifts, data.paired)).max() > _FAR * measured.mean() else None
+    now = np.log(data.frequency[data.paired]) + data.log_ratio
+    apart = np.abs((np.log(data.frequency) + shifts)[:, None] - now).min(1)
+    far = np.abs(shifts) > _FAR * np.abs(data.log_ratio).mean()
+    far[data.paired] = False
+    return shifts if (far & (apart < _CLOSE)).any() else None
 
 
 def _jointly(plain: EvidenceComparison, case: Case) -> tuple[Case, list[Candidate]]:

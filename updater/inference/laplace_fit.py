@@ -26,6 +26,7 @@ _FEW = 150  # alternatives that are continued after the first step: those with t
 _RESCALED = 6  # fits of refined alternatives: their prior's order converges, unless another alternative is best in turn
 _HOPELESS = 300.0  # of chi-square over the best: alternatives that begin near their best are not fitted
 _SHARE = 0.01  # of the chance that a right cause is refused: for its frequencies alone, which many shapes would drown
+_ROUNDING = 1e-14  # of the diagonal of a normal matrix: errors of its entries
 _PATIENCE = 3  # exchanges without fewer wrong parameters, after which they are exchanged one by one
 _MAX_PIVOTS = 100  # exchanges
 _WRONG = 1e-6  # standard deviations by which a parameter may go beyond its bound
@@ -369,8 +370,15 @@ def _bounded(whole: FloatArray, gradient: FloatArray, room: FloatArray, held: Bo
 
 
 def normal(slope: FloatArray) -> FloatArray:
-    """Return the normal matrices (n_alternatives, n_parameters, n_parameters) of derivatives."""
-    return slope.transpose(0, 2, 1) @ slope
+    """Return the normal matrices (n_alternatives, n_parameters, n_parameters) of derivatives, none of them singular.
+
+    Where more mass is taken off than the modes have, all derivatives are nearly parallel, and far larger than those of
+    the priors: rounding may make the matrix singular.
+    """
+    matrix = slope.transpose(0, 2, 1) @ slope
+    every = np.arange(matrix.shape[1])
+    matrix[:, every, every] *= 1 + _ROUNDING
+    return matrix
 
 
 def _descend(

@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 
 from daq import FloatArray, IndexArray
 from updater.inference import fit
-from updater.inference.laplace_fit import Point, _adopt, _newton
+from updater.inference.laplace_fit import Point, _adopt, _newton, normal
 
 PRIOR = np.array([10.0, 20.0, 5.0])
 # the second parameter makes up for the first: without bounds it is far off
@@ -174,3 +174,12 @@ def test_step_within_bounds_equals_bounded_least_squares(seed: int) -> None:
         closed = lsq_linear(slope[k], residual[k], (-np.inf, room[k]), tol=1e-14, max_iter=1000)
         assert promised[k] == pytest.approx(residual[k] @ residual[k] - 2 * closed.cost, abs=1e-6)
         assert step[k] == pytest.approx(closed.x, abs=1e-4)
+
+
+def test_normal_matrix_of_parallel_derivatives_is_not_singular() -> None:
+    """Far larger than those of the priors, which rounding loses: powers of two, of which differences are exactly 0."""
+    parallel = 2.0**36 * np.outer(2.0 ** np.arange(5), 2.0 ** np.arange(4))
+    slope = np.concatenate([parallel, np.eye(4)])[None]
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.solve(slope.transpose(0, 2, 1) @ slope, np.ones((1, 4, 1)))
+    assert np.isfinite(np.linalg.solve(normal(slope), np.ones((1, 4, 1)))).all()
