@@ -5,18 +5,23 @@ redistributes them to stiffer parts. With orthogonal states z of unit elastic en
 and the added compliance C, in modes (m) and states (s), the modal flexibility increases by C_mm - C_ms (I + C_ss)^-1
 C_sm.
 
+By the identity S (I + S^T C S)^-1 S^T = (I + S S^T C)^-1 S S^T, only products S S^T of the strains S in all states
+enter. The states of a frame with many loops are therefore combined to fewer ones with the same products.
+
 References
 ----------
 Przemieniecki, J. S. (1968). Theory of Matrix Structural Analysis, ch. 8 (matrix force method).
+Johnson, W. B., Lindenstrauss, J. (1984). Extensions of Lipschitz mappings into a Hilbert space. Contemp. Math. 26.
 """
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 from updater.fe.assembly import build_model
 from updater.fe.element import Element
 from updater.fe.external.groups import group_strains
@@ -24,16 +29,16 @@ from updater.fe.model import Model, Spring
 from updater.fe.section_forces import N_ACTIONS
 from updater.structure import Axis, Joint, Member, Support
 
-_MAX = 30  # states: with more than that none are used, and internal forces are assumed to be unchanged
+_MAX = 30  # states: more are combined
 _MIN = 1e-10  # relative to the largest singular value: less is zero
 _AT_ONCE = 1e9  # m: one element between two joints carries any state exactly
 
 
 @dataclass(frozen=True, eq=False)
 class SelfStress:
-    """States of self-stress, orthogonal in energy and of unit energy [sqrt(2 J)]."""
+    """States of self-stress, orthogonal in energy and of unit energy [sqrt(2 J)], or combinations of very many."""
 
-    n: int  #: states
+    n: int  #: states, or combinations
     ends: dict[
         str, list[tuple[float, Element, FloatArray]]
     ]  #: member -> start [m], element, forces (12, n) at its ends
@@ -59,7 +64,8 @@ def self_stress(model: Model) -> SelfStress:
     """Return a model's states of self-stress; of matrices from elsewhere, those of their groups and springs.
 
     They are those strains of elements and springs, each divided by the root of its compliance, that no displacement
-    causes: the part of all strains outside the range of the strain-displacement matrix.
+    causes: the part of all strains outside the range of the strain-displacement matrix. Very many are combined: the
+    products of strains are exact within each element and each connection, and right on average between them.
     """
     if model.structure.external is not None:
         strains, stiffness_of = group_strains(model), {key: k for key, (_, k) in model.spring_rows().items()}
@@ -79,7 +85,8 @@ def self_stress(model: Model) -> SelfStress:
         forces.append(strain.T)
     springs = coarse.spring_rows()
     rows += [np.sqrt(stiffness) * row[None] for row, stiffness in springs.values()]
-    states = _beside_range(np.concatenate(rows))
+    parts = [np.arange(6 * k, 6 * k + 6) for k in range(len(forces))]
+    states = _combined(_beside_range(np.concatenate(rows)), [*parts, *_by_connection(list(springs), 6 * len(forces))])
     ends: defaultdict[str, list[tuple[float, Element, FloatArray]]] = defaultdict(list)
     for k, (force, (first, _, element)) in enumerate(zip(forces, coarse.elements, strict=True)):
         assert isinstance(element, Element)
@@ -98,8 +105,46 @@ def self_stress(model: Model) -> SelfStress:
 
 
 def _beside_range(strain: FloatArray) -> FloatArray:
-    """Return orthonormal columns (n_strains, n) that are no strain of any displacement; none of very many."""
+    """Return orthonormal columns (n_strains, n) that are no strain of any displacement."""
     left, value, _ = np.linalg.svd(strain, full_matrices=True)
     rank = int((value > _MIN * value.max(initial=0.0)).sum())
-    states = left[:, rank:]
-    return states if states.shape[1] <= _MAX else states[:, :0]
+    return np.asarray(left[:, rank:])
+
+
+def _by_connection(springs: Sequence[Spring], first: int) -> list[IndexArray]:
+    """Return the strains of the springs of each connection, the first of which is strain `first`."""
+    rows: defaultdict[tuple[str, tuple[float, float, float]], list[int]] = defaultdict(list)
+    for row, (member, at, _) in enumerate(springs, first):
+        rows[member, at].append(row)
+    return [np.array(own) for own in rows.values()]
+
+
+def _combined(states: FloatArray, parts: Sequence[IndexArray]) -> FloatArray:
+    """Return the strains (n_strains, n) in at most `_MAX` combinations of states.
+
+    Random ones keep all products on average, with a standard deviation of n^-1/2 of the largest possible. The strains
+    of each part are then multiplied by the symmetric matrix that makes their own products exact.
+
+    Parameters
+    ----------
+    states : (n_strains, n_states) strains in each state
+    parts : strains of each element and each connection
+    """
+    n = states.shape[1]
+    if n <= _MAX:
+        return states
+    random = np.random.default_rng(0).standard_normal((len(states), _MAX))
+    combined = states @ np.linalg.qr(states.T @ random)[0] * np.sqrt(n / _MAX)  # of any basis of the states the same
+    for rows in parts:
+        exact, _ = _roots(states[rows])
+        _, inverse = _roots(combined[rows])
+        combined[rows] = exact @ inverse @ combined[rows]
+    return combined
+
+
+def _roots(strains: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the symmetric root of the products of strains (k, n), and its pseudoinverse (k, k)."""
+    value, vector = np.linalg.eigh(strains @ strains.T)
+    there = value > _MIN * value[-1]
+    root = np.sqrt(np.where(there, value, 1.0))
+    return vector * np.where(there, root, 0.0) @ vector.T, vector * np.where(there, 1 / root, 0.0) @ vector.T

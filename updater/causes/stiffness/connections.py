@@ -40,6 +40,7 @@ _ORDERS = 1e-3, 300.0  # range of the order of a parameter, over that: hardly vi
 _WIDER = 3.0  # times the size of a large change: standard deviation of its prior, which then hardly pulls it
 _FAR = 10.0  # times the order of the prior of a fit: largest order
 _HINGE = 10.0  # parameter where a fit begins that may end near a hinge: by L / (E I), nine tenths of the way to it
+_LOOSENED = (0.1, 0.3, 1.0, 3.0)  # parameters, about all axes alike, where a fit of a large change begins too
 _LIKELY = 150.0  # of log evidence below the best alternative: those that also begin there
 _SAME_ORDER = 0.2  # logarithm of the ratio of two orders of a prior that make no difference
 
@@ -133,18 +134,19 @@ class Springs(Discrete):
         return np.array([self.connections[row].at for row in rows])
 
     def refined(self, log_density: FloatArray, theta: FloatArray) -> Self | None:
-        """Return each alternative once, and likely ones from hinges too, with a wide prior; None for a usual change.
+        """Return each alternative once, likely ones from other starts too, with a wide prior; None for a usual change.
 
         The evidence has a prior of unknown order in any case. The usual Gaussian prior of the fit pulls a large change
-        towards zero, and leaves a residual in the frequencies and shapes. On the way to a hinge modes cross, where a
-        fit may end: likely alternatives also begin with a hinge about each of their axes. `rescaled` then sets the
-        order of the prior.
+        towards zero, and leaves a residual in the frequencies and shapes. On the way to a large change modes cross,
+        where a fit may end: likely alternatives also begin with a change of several orders, the same about their axes,
+        and with a hinge about each. `rescaled` then sets the order of the prior.
         """
         if self._size(log_density, theta) <= _LARGE * self.prior_std[0]:
             return None
         once = self._best_of_each(log_density)
         likely = once[log_density[once] > log_density.max() - _LIKELY]
-        rows, begun = [once], [theta[once]]
+        alike = [size * self.active[likely] for size in _LOOSENED]
+        rows, begun = [once, *[likely] * len(alike)], [theta[once], *alike]
         for a in range(3):
             turning = likely[self.active[likely, a]]
             rows.append(turning)
