@@ -460,22 +460,31 @@ def _with_displaced_modes(case: Case, found: list[Candidate], good: Comparison, 
     if data.nominal is None:  # else the model was recalibrated to these very modes
         data, best = case.weighing.faults.attempt("modes that moved far", refitted) or (data, best)
     if data is not case.data:
-        answer = _explained(case, [best, *found[1:]], data, searched)
+        answer = _explained(case, [best, *found[1:]], data, good, searched)
         if answer.diagnosis.verdict != "unexplained":
             return answer
-    return _explained(case, found, case.data, searched)
+    return _explained(case, found, case.data, good, searched)
 
 
-def _explained(case: Case, found: list[Candidate], data: Comparison, searched: float) -> DiagnosisResult:
+def _explained(
+    case: Case, found: list[Candidate], data: Comparison, good: Comparison, searched: float
+) -> DiagnosisResult:
     """Name the causes that hold 0.8 of the posterior, those that the data cannot separate as one.
+
+    A cause that is significant at the best place of another one may not be with that place open.
 
     Parameters
     ----------
     data : that the best is fitted to: of `case`, or with further modes
+    good : the event, compared with the error of a good model
     searched : log evidence of the best, as `case.singles` have theirs
     """
     wider = replace(case, data=data, weighing=replace(case.weighing, data=data))
     found = with_unlisted_bodies(wider, with_open_places(wider, found))
+    kept = significant_only(wider.weighing, found)
+    if not kept or kept[0] is not found[0]:
+        fitting = [c for c in kept if _accepted(good, c)]
+        return _explained(case, fitting, data, good, searched) if fitting else _unexplained(case, found[0], searched)
     best = found[0]
     named, sure, left_open = named_causes(case.data, found, SURE, case.weighing.log_nothing)
     chosen, data = _with_all_modes(case, data, agreeing(data, best.chosen))

@@ -7,22 +7,24 @@ import pytest
 
 from monitor.analysis.explanation import explain
 from monitor.results.comparison import DiagnosisAnswer
-from tests.examiner.cases import N_AFTER, N_BEFORE, specimen
+from tests.examiner.cases import N_AFTER, N_BEFORE, draw, specimen
 from tests.examiner.models.bar import Zone
 from tests.examiner.models.specimen import State
-from tests.examiner.path import observation, structure_of, weighing_of
+from tests.examiner.path import answer, observation, structure_of, weighing_of
 from tests.examiner.signals import estimated
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame
 from updater import Body, Reference, build_model, matched, nominal_reference, stack_tracks
-from updater.causes import LocalStiffness, SelectedCause
+from updater.causes import AddedMass, Cause, LocalStiffness, SelectedCause
 from updater.causes.stiffness.local_stiffness import LENGTHS, propose_local_stiffness
 from updater.causes.stretches import everywhere
+from updater.diagnosis import explanation
+from updater.diagnosis.case import Case
 from updater.diagnosis.combinations import Compositions
-from updater.diagnosis.search import fits
+from updater.diagnosis.search import fits, with_open_places
 from updater.diagnosis.simplification import is_significant, merged, only_needed, significant_only
-from updater.diagnosis.weighing import EvidenceComparison
-from updater.inference import Comparison, compare
+from updater.diagnosis.weighing import Candidate, EvidenceComparison
+from updater.inference import Comparison, Fit, compare
 
 #: causes that such a loss could be taken for
 STIFFNESS = (
@@ -140,6 +142,44 @@ def test_zero_size_springs_and_stretches_are_rejected_with_a_mass(name: str) -> 
     significant = dict(zip(two.names, map(is_significant, two.parts), strict=True))
     assert significant == {"added_mass": True, name: False}
     assert [c.names for c in significant_only(weighing, [two])] == [("added_mass",)]
+
+
+def test_zero_size_body_is_rejected_with_a_loose_foot() -> None:
+    state, do = specimen("", 23)
+    done = do["support_stiffness"](state, np.random.default_rng(3))
+    weighing = weighing_of(done.before, done.after, 23)
+    names = ("added_mass", "support_stiffness")
+    two = Compositions(weighing).coordinate_fit(tuple(SelectedCause.begun(weighing.causes[n]) for n in names))
+    assert two is not None
+    significant = dict(zip(two.names, map(is_significant, two.parts), strict=True))
+    assert significant == {"added_mass": False, "support_stiffness": True}
+    assert [c.names for c in significant_only(weighing, [two])] == [("support_stiffness",)]
+    body = two.parts[two.names.index("added_mass")]
+    theta, covariance = body.theta.copy(), body.covariance.copy()
+    theta[body.best, 0] = 0.3
+    std, correlation = np.array([0.2, 0.02, 0.02, 0.001]), np.eye(4)
+    correlation[0, 1] = correlation[1, 0] = 0.8
+    covariance[body.best] = correlation * np.outer(std, std)
+    needed = replace(body, theta=theta, covariance=covariance)  # its mass trades with its offset
+    assert isinstance(needed.hypotheses, AddedMass)
+    assert needed.hypotheses.deviations(needed) == pytest.approx(0.3 / (0.2 * 0.6))  # sqrt(1 - 0.8^2) is left
+
+
+@pytest.mark.thorough
+def test_body_without_significance_once_places_are_open_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The loose foot alone does not fit: nothing is named."""
+    only = ("added_mass", "support_stiffness")
+    case = draw("added_mass + support_stiffness", 7)
+    assert sorted(cause["cause"] for cause in answer(case, only=only)["causes"]) == sorted(only)
+
+    def vague(part: Fit[Cause]) -> Fit[Cause]:
+        return replace(part, covariance=1e4 * part.covariance) if isinstance(part.hypotheses, AddedMass) else part
+
+    def opened(case: Case, found: list[Candidate]) -> list[Candidate]:
+        return [replace(c, parts=tuple(map(vague, c.parts))) for c in with_open_places(case, found)]
+
+    monkeypatch.setattr(explanation, "with_open_places", opened)
+    assert answer(case, only=only)["verdict"] == "unexplained"
 
 
 def test_third_cause_that_was_needed_next_to_another_one_is_left_out() -> None:

@@ -297,6 +297,14 @@ class AddedMass:
         row = int(here[np.argmax(share)])
         return self._outside_the_file(row, fit.theta[row], mean, std) if self._is_unlisted(row, mean) else (mean, std)
 
+    def deviations(self, fit: Fit[Any]) -> float:
+        """Return by how many standard deviations the mass of the best alternative differs from zero.
+
+        With place, offsets and radius of gyration held: they mean nothing where there is no mass.
+        """
+        precision = np.linalg.inv(fit.covariance[fit.best])[0, 0]
+        return float(abs(fit.theta[fit.best, 0]) * np.sqrt(precision))
+
     def unlisted(self, row: int, theta: FloatArray) -> Body | None:
         """Return a removed body as it was if the reference's model does not have it, else None."""
         mass = float(theta[0])
