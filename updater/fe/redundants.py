@@ -24,7 +24,7 @@ from updater.fe.model import Model, Spring
 from updater.fe.section_forces import N_ACTIONS
 from updater.structure import Axis, Joint, Member, Support
 
-_MAX = 30  # states: with more than that none are used, and internal forces are assumed to be unchanged
+_MAX = 90  # states, as of fifteen loops: with more none are used, and internal forces are assumed to be unchanged
 _MIN = 1e-10  # relative to the largest singular value: less is zero
 _AT_ONCE = 1e9  # m: one element between two joints carries any state exactly
 
