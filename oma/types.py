@@ -108,6 +108,10 @@ class ModalEstimate:
     def to_dataframe(self, *, shapes: bool = False) -> "pandas.DataFrame":
         """Return a table with one row per mode, numbered from 1; units as of the fields.
 
+        `support` is the share of the model orders that have the mode. `law_ratio` is the scatter of its frequency over
+        the least standard deviation of any method, f sqrt(damping / (2 pi f T)) for a record of T seconds: about 1 for
+        a clear mode, and larger for a weak one or one that changes within the record.
+
         Parameters
         ----------
         shapes : whether each channel has the columns `shape_CHANNEL`, complex, and `shape_std_CHANNEL`

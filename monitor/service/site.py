@@ -11,7 +11,7 @@ from monitor.errors import SettingsError
 from monitor.settings import Settings, attachable, nearest, overrides, read_settings
 from monitor.settings.redaction import revealed
 from updater import load_structure
-from updater.structure import portable_text
+from updater.structure import meant, portable_text
 
 if TYPE_CHECKING:
     from monitor.outputs.history import Writer
@@ -89,8 +89,8 @@ def load_site(path: Path, given: Sequence[str] = ()) -> Site:
         try:
             make_driver(device.driver, device.place, device.rate)
         except ValueError as error:
-            meant = "" if device.driver in driver_names() else nearest(device.driver, driver_names())
-            raise SettingsError(path, f"device {device.name!r}: {error}{meant}") from error
+            near = "" if device.driver in driver_names() else nearest(device.driver, driver_names())
+            raise SettingsError(path, f"device {device.name!r}: {error}{near}") from error
     return Site(
         path=path,
         settings=settings,
@@ -105,8 +105,8 @@ def _structure_text(path: Path, settings: Settings, name: str) -> str:
     known = load_structure(structure_path).channels
     for channel in settings.channels:
         if channel.name not in known:
-            names, near = ", ".join(known), nearest(channel.name, known)
+            names, near = ", ".join(known), meant(channel.name, known)
             raise SettingsError(
-                path, f"channel {channel.name!r} is no sensor of {structure_path}; there are {names}{near}"
+                path, f"channel {channel.name!r} is no sensor of {structure_path}{near}; there are {names}"
             )
     return portable_text(structure_path)

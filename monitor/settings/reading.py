@@ -153,6 +153,7 @@ def _what(first: Any, place: tuple[str, ...]) -> str:  # noqa: ANN401 - one of p
     if first["type"] == "missing":
         return "is missing"
     message = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
+    message = message.replace("a valid tuple", "a list in brackets").replace("a valid dictionary", "a table")
     whole = isinstance(first["input"], dict) or "found" in message  # for a section the name is sufficient
     found = (
         message

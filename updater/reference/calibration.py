@@ -43,6 +43,7 @@ from updater.structure import (
     is_of,
     is_rigid,
     joint_zones,
+    meant,
     model_parameters_of,
     physical_unit,
     physical_value,
@@ -589,7 +590,8 @@ def channel_rows(model: Model, channels: tuple[str, ...], *, across: bool = Fals
     known = model.structure.channels
     missing = [c for c in channels if c not in known]
     if missing:
-        raise PairingError(f"the structure has no sensor for channel {missing[0]!r}; it has {', '.join(known)}")
+        near = meant(missing[0], [name for name in known if name not in channels])
+        raise PairingError(f"the structure has no sensor for channel {missing[0]!r}{near}; it has {', '.join(known)}")
     chosen = [known.index(c) for c in channels]
     if across:
         return np.asarray(model.cross_rows[:, chosen].reshape(2 * len(chosen), -1))

@@ -45,10 +45,11 @@ _MIN_BEGINNING = 2  # letters of a word from which on they represent it
 
 
 def meant(word: str, known: Collection[str]) -> str:
-    """Return the question whether another word was meant: one that is cut short, or that is spelt nearly so."""
-    begun = [name for name in known if len(word) >= _MIN_BEGINNING and name.startswith(word.lower())]
-    near = begun or difflib.get_close_matches(word.lower(), known, 1)
-    return f", did you mean {near[0]!r}?" if near else ""
+    """Return the question whether another word was meant: one that is cut short, or spelt nearly so, in any case."""
+    by_lower = {name.lower(): name for name in known}
+    begun = [name for name in by_lower if len(word) >= _MIN_BEGINNING and name.startswith(word.lower())]
+    near = begun or difflib.get_close_matches(word.lower(), by_lower, 1)
+    return f", did you mean {by_lower[near[0]]!r}?" if near else ""
 
 
 def not_known(word: str, known: Collection[str]) -> str:

@@ -114,15 +114,13 @@ class Member(Entry):
     @model_validator(mode="after")
     def _has_axes(self) -> Self:
         if self.start == self.end:
-            raise ValueError(f"member {self.name}: it ends where it begins, at {list(self.start)}")
+            raise ValueError(f"ends where it begins, at {list(self.start)}")
         if self.length < _SHORTEST:
-            raise ValueError(
-                f"member {self.name}: expected a length of {_SHORTEST:g} m or more, found {self.length:g} m"
-            )
+            raise ValueError(f"expected a length of {_SHORTEST:g} m or more, found {self.length:g} m")
         if self.local_y is not None:
             across = np.linalg.norm(np.cross(self.local_y, np.subtract(self.end, self.start))) / self.length
             if across <= _ALONG * np.linalg.norm(self.local_y):
-                raise ValueError(f"member {self.name}: local_y {list(self.local_y)} does not point across it")
+                raise ValueError(f"local_y {list(self.local_y)} does not point across the member")
         return self
 
     @property

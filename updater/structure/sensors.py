@@ -21,7 +21,7 @@ class Sensor(Entry):
     @model_validator(mode="after")
     def _has_direction(self) -> Self:
         if not any(self.direction):
-            raise ValueError(f"sensor {self.channel}: the direction is zero")
+            raise ValueError("the direction is zero")
         return self
 
     def corrected(self, correction: "Correction | None") -> "Sensor":

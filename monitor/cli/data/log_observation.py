@@ -17,6 +17,19 @@ from oma import OmaError
 from updater import Structure
 
 
+def check_structure_first(structure: Path, logs: Sequence[Path]) -> None:
+    """Refuse a log in the place of the structure file, with the file among the logs.
+
+    Raises
+    ------
+    ArgumentError
+        With the right order.
+    """
+    exchanged = next((path for path in logs if path.suffix == ".toml"), None)
+    if exchanged is not None and structure.suffix != ".toml":
+        raise ArgumentError("STRUCTURE.toml", f"expected the structure file before the logs: {exchanged} {structure}")
+
+
 def observe_logs(
     structure: Structure,
     paths: Sequence[Path],

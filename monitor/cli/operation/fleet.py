@@ -7,6 +7,8 @@ from typer import Argument, Option
 
 from monitor.cli.options import DONE
 
+_FILES = (".sqlite", ".sqlite3", ".db")  # of SQLite, as the history of a site
+
 
 def fleet(
     target: Annotated[str, Argument(metavar="ADDRESS|FLEET.toml", help="Database or broker, or settings.")],
@@ -37,7 +39,8 @@ def fleet(
         raise ArgumentError("--web-port", f"expected 1 to 65535, found {port}")
     if "://" not in target and path.suffix != ".toml":
         known = "postgresql://USER@HOST/NAME, mqtt://HOST/TOPIC or FLEET.toml"
-        raise ArgumentError("ADDRESS", f"expected {known}, found {target!r}")
+        hint = f": a file holds one site (`modalwatch history {target}`)" if path.suffix in _FILES else ""
+        raise ArgumentError("ADDRESS", f"expected {known}, found {target!r}{hint}")
     if is_mqtt and not is_broker(target):
         raise ArgumentError("ADDRESS", "expected mqtt://HOST/TOPIC, without wildcards")
     if "://" in target:

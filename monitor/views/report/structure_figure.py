@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -29,6 +30,7 @@ _LEADER = {"arrowstyle": "-", "color": INK, "linewidth": 0.7, "shrinkB": 4}
 _ARROW = {"arrowstyle": "->", "color": SOFT, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0}
 _TRIAD = 0.1  # of the structure's size: length of the arrows of the directions
 _SAME_LABEL = 0.08  # of the structure's size: places that are nearer have one label
+_LABEL_WIDTH = 32  # characters of a line
 _FAR = 6.0  # sigmas: from here on a place is drawn as cold
 _COLUMNS = 4
 _SWAY = 0.14  # of the structure's size: the largest displacement
@@ -124,8 +126,9 @@ class Frame:
         middle = self.flat(self.geometry.nodes).mean(0)
         for (x, y), names in labels:
             left = x > middle[0]
+            text = "\n".join(fill(name, _LABEL_WIDTH) for name in names if name)
             axes.annotate(
-                "\n".join(filter(None, names)), (x, y), (-9 if left else 9, 7 if above else -4),
+                text, (x, y), (-9 if left else 9, 7 if above else -4),
                 textcoords="offset points", fontsize=8, zorder=7, ha="right" if left else "left",
                 va="bottom" if above else "top", bbox=_PAPER,
             )  # fmt: skip

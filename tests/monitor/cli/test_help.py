@@ -52,6 +52,16 @@ def test_words_of_a_cause_are_accepted_and_an_unknown_one_is_refused_before_file
     assert "--only, --without: no cause is named 'local_stifness', did you mean 'local_stiffness'?" in refused.err
 
 
+@pytest.mark.parametrize("command", [("diagnose",), ("response", "--predict-sensors", "--reference", "a.mcap")])
+def test_structure_file_after_the_log_is_refused_with_the_right_order(
+    command: tuple[str, ...], modalwatch: Commands
+) -> None:
+    name, *options = command
+    refused = modalwatch(name, "now.mcap", "frame.toml", *options)
+    assert refused.code == 2
+    assert "STRUCTURE.toml: expected the structure file before the logs: frame.toml now.mcap" in refused.err
+
+
 def test_help_lists_all_commands_aligned_under_their_sections(
     modalwatch: Commands, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -110,7 +110,8 @@ def test_explained_verdict_proposes_no_separating_measurement(monkeypatch: pytes
     monkeypatch.setattr("updater.diagnosis.explanation.named_causes", two_open)
     found = diagnose(reference, event(Change((Body(at=(0.2, 0, 1.48), mass=0.3),))), only=("added_mass",))
     assert found.diagnosis.verdict == "explained"
-    assert found.next_measurement == ("Inspect this place. A sensor moved there would make the estimate more precise.",)
+    advice = "Inspect this place. A sensor there, if there is none yet, would make the estimate more precise."
+    assert found.next_measurement == (advice,)
 
 
 def test_fitting_frequency_is_not_reported_as_outlier() -> None:

@@ -8,18 +8,49 @@ import pytest
 from daq import FloatArray
 from tests.examiner.path import structure_of
 from tests.support.updater.reference_frame import measure
-from updater import Reference, build_model, learn_reference, parse_structure
+from updater import Reference, build_model, learn_reference
 from updater.causes import CATALOGUE, SelectedCause, prediction
 from updater.fe import Model, redundants, self_stress
 from updater.inference import Comparison, compare
 from updater.structure import Joint, Structure, Support, with_springs
 
 STATES = {"frame": 0, "mast": 0, "bridge": 1, "portal": 6, "grid": 19}  # by hand: 6 a loop, less what is let go
+CORNERS = ((0.0, 0.0), (1.2, 0.0), (1.2, 0.8), (0.0, 0.8))
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
+def storeys() -> Structure:
+    """Two storeys of four columns and four beams each: 8 loops, 48 states. Sensors along x and y at the upper corners."""
+    tube = {"shape": "box", "width": 0.04, "height": 0.03, "thickness": 0.002}
+    steel = {"youngs_modulus": 210e9, "poisson_ratio": 0.3, "density": 7850}
+    own = {"material": "steel", "section": "tube", "elements": 8}
+    members = [{"name": f"column {k}", "from": (*at, 0.0), "to": (*at, 2.0), **own} for k, at in enumerate(CORNERS)]
+    for level in (1.0, 2.0):
+        for k, at in enumerate(CORNERS):
+            end = CORNERS[(k + 1) % 4]
+            members.append({"name": f"beam {level:g} {k}", "from": (*at, level), "to": (*end, level), **own})
+    return Structure.model_validate(
+        {
+            "name": "two storeys",
+            "material": {"steel": steel},
+            "section": {"tube": tube},
+            "member": members,
+            "support": [{"at": (*at, 0.0), "fixed": ("x", "y", "z", "rx", "ry", "rz")} for at in CORNERS],
+            "sensor": [
+                {"channel": f"{axis}{k}", "at": (*at, 2.0), "direction": direction}
+                for k, at in enumerate(CORNERS)
+                for axis, direction in (("x", (1, 0, 0)), ("y", (0, 1, 0)))
+            ],
+        }
+    )
+
+
+def structure_named(name: str) -> Structure:
+    return storeys() if name == "storeys" else structure_of(f"{name}: ")
+
+
 def sprung(name: str) -> Structure:
-    return with_springs(structure_of(f"{name}: "))
+    return with_springs(structure_named(name))
 
 
 @pytest.mark.parametrize("name", STATES)
@@ -40,33 +71,9 @@ def test_self_stress_states_match_redundancy_and_are_energy_orthogonal(name: str
     np.testing.assert_allclose(energy, np.eye(found.n), atol=1e-9)
 
 
-def two_storeys() -> Structure:
-    """Return a frame of four clamped columns and eight beams: 8 loops, 48 states."""
-    corners = [(0.0, 0.0), (1.2, 0.0), (1.2, 0.8), (0.0, 0.8)]
-    text = """
-name = "frame"
-mesh.element_length = 0.2
-material.steel = { youngs_modulus = 210e9, poisson_ratio = 0.3, density = 7850 }
-section.box = { shape = "box", width = 0.05, height = 0.03, thickness = 0.002 }
-"""
-
-    def member(name: str, start: tuple[float, ...], end: tuple[float, ...], local_y: list[float]) -> str:
-        ends = f"from = {list(start)}\nto = {list(end)}\nlocal_y = {local_y}"
-        return f'[[member]]\nname = "{name}"\n{ends}\nmaterial = "steel"\nsection = "box"\n'
-
-    for n, corner in enumerate(corners):
-        text += member(f"column {n}", (*corner, 0.0), (*corner, 2.0), [1, 0, 0])
-        text += f'[[support]]\nat = {[*corner, 0.0]}\nfixed = ["x", "y", "z", "rx", "ry", "rz"]\n'
-        for z in (1.0, 2.0):
-            text += member(f"beam {n} {z}", (*corner, z), (*corners[(n + 1) % 4], z), [0, 0, 1])
-            for axis, direction in (("x", [1, 0, 0]), ("y", [0, 1, 0])):
-                text += f'[[sensor]]\nchannel = "{n}{z}{axis}"\nat = {[*corner, z]}\ndirection = {direction}\n'
-    return with_springs(parse_structure(text))
-
-
 def test_combined_states_keep_the_products_of_the_strains_of_each_part(monkeypatch: pytest.MonkeyPatch) -> None:
     """Exactly within each element and connection; between them with the deviation of 30 random combinations of 48."""
-    model = build_model(two_storeys(), shear_flexible=True, mass="consistent")
+    model = build_model(sprung("storeys"), shear_flexible=True, mass="consistent")
     every, parts = _strains(model, monkeypatch, most=1000), model.structure
     few = _strains(model, monkeypatch, most=30)
     assert (every[0].shape[-1], few[0].shape[-1]) == (48, 30)
@@ -98,11 +105,10 @@ def _strains(model: Model, monkeypatch: pytest.MonkeyPatch, *, most: int) -> lis
     return [*of_elements, *feet]
 
 
-@pytest.fixture(scope="module", params=["portal", "two storeys"])
-def frame(request: pytest.FixtureRequest) -> tuple[Reference, Comparison]:
+@pytest.fixture(scope="module", params=["portal", pytest.param("storeys", marks=pytest.mark.thorough)])
+def redundant(request: pytest.FixtureRequest) -> tuple[Reference, Comparison]:
     """A reference whose one-step update changed nothing: the model's own modes."""
-    random = np.random.default_rng(3)
-    structure = structure_of("portal: ") if request.param == "portal" else two_storeys()
+    random, structure = np.random.default_rng(3), structure_named(request.param)
     model = build_model(structure, shear_flexible=True, mass="consistent")
     windows = [measure(model, random, np.ones(len(structure.channels))) for _ in range(8)]
     learnt = learn_reference(structure, windows, [np.arange(8)] * 8)
@@ -116,13 +122,13 @@ def frame(request: pytest.FixtureRequest) -> tuple[Reference, Comparison]:
     [("local_stiffness", (1.2, 0, 0, 0)), ("support_stiffness", (0.2,) * 3), ("joint_stiffness", (0.2,) * 3)],
 )
 def test_frequencies_with_large_flexibility_match_the_extended_structure(
-    frame: tuple[Reference, Comparison], name: str, parameters: tuple[float, ...]
+    redundant: tuple[Reference, Comparison], name: str, parameters: tuple[float, ...]
 ) -> None:
     """70 % of the stiffness of a stretch, and feet and joints that give 0.2 L / (E I): five alternatives of each.
 
     Sixty modes miss a full solution by a thousandth; as if the frame were statically determinate, by per cents.
     """
-    reference, data = frame
+    reference, data = redundant
     cause = CATALOGUE[name].propose(reference, data)
     assert cause is not None
     rows = np.random.default_rng(4).choice(len(cause.lower), 5, replace=False)

@@ -19,7 +19,7 @@ from updater import (
     parse_structure,
     t_structure_toml,
 )
-from updater.structure import Joint, Material, Member, Section, Segment, Sensor, Support
+from updater.structure import Joint, Material, Member, Section, Segment, Sensor, Support, meant
 
 ROOT = Path(__file__).parents[3]
 
@@ -32,10 +32,10 @@ ROOT = Path(__file__).parents[3]
         ("density = 7850", 'density = "heavy"', "material.steel.density"),
         ("density = 7850", "densty = 7850", "material.steel.dens"),
         ('section = "tube_40x40x3"', 'section = "pipe"', "member column: section 'pipe'"),
-        ("to = [0.0, 0.0, 1.48]", "to = [0.0, 0.0, 0.0]", "member column: it ends where it begins"),
+        ("to = [0.0, 0.0, 1.48]", "to = [0.0, 0.0, 0.0]", "member.0 of column: ends where it begins"),
         ("to = [0.0, 0.0, 1.48]", "to = [0.0, 1.48]", "member.0.to"),
         ('name = "crossbeam"', 'name = "column"', "'column' is given twice"),
-        ("direction = [1, 0, 0]", "direction = [0, 0, 0]", "sensor col_037_x: the direction is zero"),
+        ("direction = [1, 0, 0]", "direction = [0, 0, 0]", "of col_037_x: the direction is zero"),
         ("at = [0.0, 0.0, 0.37]", "at = [0.01, 0.0, 0.37]", "sensor col_037_x: [0.01, 0.0, 0.37] lies on no member"),
         ("[[support]]\nat = [0.0, 0.0, 0.0]", "[[support]]\nat = [0.0, 0.1, 0.0]", "support: [0.0, 0.1, 0.0] lies on"),
         (
@@ -318,3 +318,8 @@ def test_invalid_crack_is_named(old: str, new: str, entry: str) -> None:
     with pytest.raises(StructureError) as caught:
         parse_structure(t_structure_toml() + COLUMN_CRACK.replace(old, new))
     assert entry in str(caught.value)
+
+
+@pytest.mark.parametrize(("word", "near"), [("Ch3", "CH3"), ("ch30", "CH3"), ("CH3", "CH3"), ("top_x", "")])
+def test_nearest_word_is_proposed_in_any_case(word: str, near: str) -> None:
+    assert meant(word, ["CH3", "CH4"]) == (f", did you mean {near!r}?" if near else "")

@@ -69,7 +69,7 @@ class AddedMass:
     cannot_be_told_from: tuple[str, ...] = ()
     drifting: bool = True
     place_free: bool = False
-    advice: str = "Inspect this place. A sensor moved there would make the estimate more precise."
+    advice: str = "Inspect this place. A sensor there, if there is none yet, would make the estimate more precise."
 
     @cached_property
     def _total(self) -> float:

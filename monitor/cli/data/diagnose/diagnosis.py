@@ -30,7 +30,7 @@ from monitor.cli.data.diagnose.written_files import (
     write_nearer,
     written,
 )
-from monitor.cli.data.log_observation import observe_logs
+from monitor.cli.data.log_observation import check_structure_first, observe_logs
 from monitor.cli.options import DONE, NEEDS_A_PERSON
 from monitor.cli.terminal import Work, console, echo, progress, warn
 from monitor.errors import ArgumentError, StateError
@@ -76,6 +76,7 @@ def diagnose_logs(
 ) -> int:
     """Diagnose; 0 if it is clear, 1 if a person must decide."""
     logs.check_window()
+    check_structure_first(structure_path, logs.current)
     structure = selected_structure(structure_path, selection)
     logs.check(structure)
     earlier = earlier_diagnosis(follows)

@@ -26,8 +26,9 @@ from monitor.errors import ArgumentError
 from monitor.service.site import Site, load_site
 from monitor.text.quantities import counted
 from updater import parse_structure
-from updater.structure import portable_text
+from updater.structure import meant, portable_text
 
+_STRONGEST = 100.0  # m/s2, rms: ten times gravity, far above the vibration of structures in service
 _DEAD = 1e-3  # of the median rms of all channels
 _RATE_TOLERANCE = 1e-3  # of the data's rate against the site's: more than any clock drifts
 
@@ -58,15 +59,18 @@ def import_measurements(
             found = read_in_order(data, options)
         except ValueError as error:  # invalid name or record too short: the other arguments were checked before
             raise ArgumentError("--velocity", f"{data[0]}: {error}") from error
-        parts, left = _of_sensors(found, _sensors(structure, site))
+        known = _sensors(structure, site)
+        parts, left = _of_sensors(found, known)
         work.stage("writing", [out])
         if new is not None:
             undone.enter_context(new_site(new, structure, out, [part.recording for part in parts], force=force))
         recordings, notes = _write(data[0], out, parts, structure, new or site, learns=new is not None)
     _say(out, recordings, parts, new)
     if left:
-        notes.insert(0, f"columns of no sensor of {structure or site}, left out: {', '.join(left)}")
-    for note in [*notes, *dead_channels(recordings)]:
+        others = _without_column(recordings[0], known or ())
+        names = "; ".join(name + meant(name, others) for name in left)
+        notes.insert(0, f"columns of no sensor of {structure or site}, left out: {names}")
+    for note in [*notes, *dead_channels(recordings), *implausible_level(recordings)]:
         warn(f"note: {note}")
     return DONE
 
@@ -190,9 +194,22 @@ def _for_site(data: Path, recording: Recording, site: Site, path: Path) -> Recor
 
 def level(recordings: Sequence[Recording]) -> str:
     """Print the RMS of the channels about their means, which reveals a wrong unit."""
-    columns = (np.concatenate([one.data[:, k] for one in recordings]) for k in range(len(recordings[0].channels)))
-    rms = [np.nanstd(column) for column in columns if np.isfinite(column).any()]
+    rms = _rms(recordings)
     return f", rms {min(rms):.2g} to {max(rms):.2g} m/s2" if rms else ""
+
+
+def implausible_level(recordings: Sequence[Recording]) -> Iterator[str]:
+    """Yield a note on the unit if vibration is stronger than that of any structure in service."""
+    rms = _rms(recordings)
+    median = float(np.median(rms)) if rms else 0.0
+    if median > _STRONGEST:
+        yield f"an rms of {median:.2g} m/s2 is more than structures vibrate with: check the unit, such as --unit mm/s2"
+
+
+def _rms(recordings: Sequence[Recording]) -> list[float]:
+    """Return the RMS of each channel with samples, about its mean [m/s2]."""
+    columns = (np.concatenate([one.data[:, k] for one in recordings]) for k in range(len(recordings[0].channels)))
+    return [float(np.nanstd(column)) for column in columns if np.isfinite(column).any()]
 
 
 def dead_channels(recordings: Sequence[Recording]) -> Iterator[str]:
@@ -227,12 +244,18 @@ def _of_sensors(parts: Sequence[Measured], known: Collection[str] | None) -> tup
     return tuple(part.only(keep) for part in parts), [c.name for k, c in enumerate(channels) if k not in keep]
 
 
+def _without_column(recording: Recording, known: Collection[str]) -> list[str]:
+    """Return the sensors without a column."""
+    there = {channel.name for channel in recording.channels}
+    return [name for name in known if name not in there]
+
+
 def _structure_text(data: Path, recording: Recording, path: Path) -> tuple[str, list[str]]:
     """Return the text of a structure file, once all columns are sensors of it, and its sensors without a column."""
     text = portable_text(path)
     known = parse_structure(text, path).channels
     for channel in recording.channels:
         if channel.name not in known:
-            raise DataError(data, f"column {channel.name!r} is no sensor of {path}; there are {', '.join(known)}")
-    there = {channel.name for channel in recording.channels}
-    return text, [channel for channel in known if channel not in there]
+            near = meant(channel.name, known)
+            raise DataError(data, f"column {channel.name!r} is no sensor of {path}{near}; there are {', '.join(known)}")
+    return text, _without_column(recording, known)

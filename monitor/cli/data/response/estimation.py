@@ -17,7 +17,7 @@ from monitor.analysis.observation import without_delays
 from monitor.analysis.selection import Selection
 from monitor.analysis.states.stationarity import of_one_state
 from monitor.analysis.time_range import WHOLE, TimeRange
-from monitor.cli.data.log_observation import observe_logs, sensor_recordings
+from monitor.cli.data.log_observation import check_structure_first, observe_logs, sensor_recordings
 from monitor.cli.data.response.response_output import say_response
 from monitor.cli.options import DONE
 from monitor.cli.output import write_json
@@ -64,6 +64,7 @@ class Request:
 
 def estimate_response(request: Request, out: Path | None, json: Path | None) -> int:
     """Estimate, print and write the response of logs; 0 as there is no verdict."""
+    check_structure_first(request.structure, request.logs)
     structure = load_structure(request.structure)
     points = [_point(structure, text) for text in request.points]
     sections = [_section(structure, text) for text in request.sections]

@@ -96,7 +96,7 @@ def body_table(sight: ModeVisibility, outlook: DetectabilityStudy) -> Table:
         f"Added mass: {duration_words(record.seconds)} before and after, damping {100 * record.damping:g} %, "
         f"{len(outlook.frequency)} modes up to {record.highest:g} Hz"
     )
-    located = f"{mass_words(mass)}, 1 % of the\nstructure, located to ±"
+    located = f"{mass_words(mass)}, 1 % of the structure,\nlocated to ±, median"
     names = ("smallest detectable", "at [m]", "median over the member", located)
     table = new_table(("member",), names, title=title)
     table.add_column(escape("not detectable\nfrom .. to [m]"), no_wrap=True)
@@ -138,10 +138,11 @@ def helper_words(sight: ModeVisibility) -> str:
         return ""
     before = mean_position_std(sight.outlook, sight.typical_mass)
     after, mass = sight.helper.mean_position_std, mass_words(sight.typical_mass)
-    found = f"{mass} anywhere located to ± {1000 * after:.3g} mm instead of {1000 * before:.3g} mm"
+    found = f"{mass} located to ± {1000 * after:.3g} mm instead of {1000 * before:.3g} mm"
+    mean = "geometric mean over all places of all members, those near supports included"
     if after > _WORTH_IT * before:
-        return f"an additional sensor improves this only slightly: {found} at best (geometric mean over all places)"
-    return f"best place of an additional sensor: {_at(sight.helper.changed)}: {found} (geometric mean over all places)"
+        return f"an additional sensor improves this only slightly: {found} at best ({mean})"
+    return f"best place of an additional sensor: {_at(sight.helper.changed)}: {found} ({mean})"
 
 
 def plan_tables(planned: Plan) -> Iterator[RenderableType]:

@@ -156,6 +156,21 @@ def test_import_with_a_structure(modalwatch: Commands, table: Path, tmp_path: Pa
     done = modalwatch("import", table, "-o", tmp_path / "other.mcap", "--structure", structure)
     assert_refused(done, table, "column 'left' is no sensor of", structure)
     assert not (tmp_path / "other.mcap").exists()
+    table.write_text("t,Beam_left_y,beam_left_z\n0,1,1\n1,2,3\n")
+    done = modalwatch("import", table, "-o", tmp_path / "other.mcap", "--structure", structure)
+    assert "left out: Beam_left_y, did you mean 'beam_left_y'?" in " ".join(done.out.split())
+
+
+def test_a_missing_unit_of_millimetres_is_noted(modalwatch: Commands, tmp_path: Path) -> None:
+    values = np.random.default_rng(3).standard_normal((50, 2))
+    notes = []
+    for name, factor in (("m", 1.0), ("mm", 1000.0)):
+        rows = [f"{k / 100},{a},{b}" for k, (a, b) in enumerate(factor * values)]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["t,a,b", *rows]))
+        done = modalwatch("import", tmp_path / f"{name}.csv", "-o", tmp_path / f"{name}.mcap")
+        assert done.code == 0
+        notes.append("check the unit, such as --unit mm/s2" in " ".join(done.out.split()))
+    assert notes == [False, True]
 
 
 @pytest.mark.parametrize(
@@ -221,7 +236,7 @@ def test_errors_after_import_without_a_site_suggest_the_command(
     assert done.code == 0, done.err
     checked = modalwatch("check", site).out
     assert "all devices answer" in checked
-    assert "rms [m/s²]" in checked
+    assert "mean and rms per axis [m/s²]" in " ".join(checked.split())
 
 
 def test_import_creates_a_new_site_that_can_be_monitored(

@@ -219,6 +219,7 @@ def test_monitor_that_stops_becomes_stale(database: Server, tmp_path: Path, monk
             "nonsense",
             "ADDRESS: expected postgresql://USER@HOST/NAME, mqtt://HOST/TOPIC or FLEET.toml, found 'nonsense'",
         ),
+        ("h.sqlite", "found 'h.sqlite': a file holds one site (`modalwatch history h.sqlite`)"),
         ("oracle9://me:secret@h/x", "expected sqlite:///FILE or postgresql://USER@HOST/NAME"),
         ("sqlite:///history.sqlite", "expected postgresql://USER@HOST/NAME: a file holds one site"),
         ("nowhere.toml", "nowhere.toml: cannot be read"),
