@@ -165,14 +165,19 @@ def _with_updating(calibration: Calibration, own: Updating) -> Calibration:
 
 
 def _relearned(reference: Reference, loaded: Structure, *, shaped: bool) -> Reference | None:
-    """Return the reference with another structure file, calibrated to the same baseline."""
+    """Return the reference with another structure file, calibrated to the same baseline.
+
+    Walls that the reference has rigid stay so.
+    """
     measured = Measured(windows=reference.windows, scatter=reference.scatter)
+    held = _with_rigid_walls(loaded, reference.calibration)
     try:
-        found = calibrate(loaded, measured.mean)
+        found = calibrate(held, measured.mean)
     except PairingError:
         return None
     if shaped:
-        found = _with_shapes(loaded, found, measured)
+        found = _carried_on(held, found, measured)
+    found = _with_updating(found, loaded.updating)
     if not np.array_equal(found.tracks, np.arange(len(reference.paired))):
         return None
     updated = first_stage(found.model, found.modes, found.paired, reference.baseline)
@@ -185,10 +190,15 @@ def _with_shapes(structure: Structure, calibration: Calibration, measured: Measu
 
     Walls that it has rigid stay so.
     """
+    found = _carried_on(_with_rigid_walls(structure, calibration), calibration, measured)
+    return _with_updating(found, structure.updating)
+
+
+def _with_rigid_walls(structure: Structure, calibration: Calibration) -> Structure:
+    """Return a structure of which the walls that a calibration has rigid are not fitted."""
     own, fitted = structure.updating, {knob.key for knob in calibration.knobs}
     walls = (k.key for k in model_parameters_of(structure) if k.of_rigid_wall and k.key not in fitted)
-    held = own.model_copy(update={"fixed": (*own.fixed, *walls)})
-    return _with_updating(_carried_on(structure.model_copy(update={"updating": held}), calibration, measured), own)
+    return structure.model_copy(update={"updating": own.model_copy(update={"fixed": (*own.fixed, *walls)})})
 
 
 def _carried_on(structure: Structure, calibration: Calibration, measured: Measured) -> Calibration:

@@ -65,7 +65,7 @@ def self_stress(model: Model) -> SelfStress:
 
     They are those strains of elements and springs, each divided by the root of its compliance, that no displacement
     causes: the part of all strains outside the range of the strain-displacement matrix. Very many are combined: the
-    products of strains are exact within each element and each connection, and right on average between them.
+    products of strains are exact within each part of a member and each connection, and right on average between them.
     """
     if model.structure.external is not None:
         strains, stiffness_of = group_strains(model), {key: k for key, (_, k) in model.spring_rows().items()}
@@ -85,8 +85,8 @@ def self_stress(model: Model) -> SelfStress:
         forces.append(strain.T)
     springs = coarse.spring_rows()
     rows += [np.sqrt(stiffness) * row[None] for row, stiffness in springs.values()]
-    parts = [np.arange(6 * k, 6 * k + 6) for k in range(len(forces))]
-    states = _combined(_beside_range(np.concatenate(rows)), [*parts, *_by_connection(list(springs), 6 * len(forces))])
+    parts = [*_by_member(coarse.member_names), *_by_connection(list(springs), 6 * len(forces))]
+    states = _combined(_beside_range(np.concatenate(rows)), parts)
     ends: defaultdict[str, list[tuple[float, Element, FloatArray]]] = defaultdict(list)
     for k, (force, (first, _, element)) in enumerate(zip(forces, coarse.elements, strict=True)):
         assert isinstance(element, Element)
@@ -111,6 +111,19 @@ def _beside_range(strain: FloatArray) -> FloatArray:
     return np.asarray(left[:, rank:])
 
 
+def _by_member(names: Sequence[str]) -> list[IndexArray]:
+    """Return the strains of the elements of each member, of as many together as combined states distinguish.
+
+    Parameters
+    ----------
+    names : member of each element
+    """
+    most = _MAX // 6 - 1
+    of_member = [[k for k, name in enumerate(names) if name == one] for one in dict.fromkeys(names)]
+    parts = [elements[i : i + most] for elements in of_member for i in range(0, len(elements), most)]
+    return [np.add.outer(6 * np.array(part), np.arange(6)).ravel() for part in parts]
+
+
 def _by_connection(springs: Sequence[Spring], first: int) -> list[IndexArray]:
     """Return the strains of the springs of each connection, the first of which is strain `first`."""
     rows: defaultdict[tuple[str, tuple[float, float, float]], list[int]] = defaultdict(list)
@@ -128,7 +141,7 @@ def _combined(states: FloatArray, parts: Sequence[IndexArray]) -> FloatArray:
     Parameters
     ----------
     states : (n_strains, n_states) strains in each state
-    parts : strains of each element and each connection
+    parts : strains that act together, of at most `_MAX` each
     """
     n = states.shape[1]
     if n <= _MAX:
@@ -139,7 +152,7 @@ def _combined(states: FloatArray, parts: Sequence[IndexArray]) -> FloatArray:
         exact, _ = _roots(states[rows])
         _, inverse = _roots(combined[rows])
         combined[rows] = exact @ inverse @ combined[rows]
-    return combined
+    return np.asarray(combined)
 
 
 def _roots(strains: FloatArray) -> tuple[FloatArray, FloatArray]:
