@@ -480,11 +480,13 @@ def _explained(
     searched : log evidence of the best, as `case.singles` have theirs
     """
     wider = replace(case, data=data, weighing=replace(case.weighing, data=data))
-    found = with_unlisted_bodies(wider, with_open_places(wider, found))
+    found = with_open_places(wider, found)
     kept = significant_only(wider.weighing, found)
     if not kept or kept[0] is not found[0]:
-        fitting = [c for c in kept if _accepted(good, c)]
-        return _explained(case, fitting, data, good, searched) if fitting else _unexplained(case, found[0], searched)
+        if fitting := [c for c in kept if _accepted(good, c)]:
+            return _explained(case, fitting, data, good, searched)
+        return _unexplained(case, (kept or found)[0], searched)
+    found = with_unlisted_bodies(wider, found)
     best = found[0]
     named, sure, left_open = named_causes(case.data, found, SURE, case.weighing.log_nothing)
     chosen, data = _with_all_modes(case, data, agreeing(data, best.chosen))

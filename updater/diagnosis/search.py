@@ -345,9 +345,10 @@ def with_two_bodies(
 
 def exchanged(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candidate]:
     """Return explanations by three and more causes, those included with one cause exchanged, while these are better."""
+    several = Compositions(weighing)
     while len(found[0].chosen) >= _EXCHANGED:
-        better = list(found)
-        for one in ranked(Compositions(weighing).exchanged(found[0])):  # several exchanges may lead to the same causes
+        better, others = list(found), [other for one in _begun(found) for other in several.exchanged(one)]
+        for one in ranked(others):  # several exchanges may lead to the same causes
             if one.earned(found) and not any(_as_good(other, one) for other in better):
                 better.append(one)
         better = ranked(better)
@@ -355,6 +356,17 @@ def exchanged(weighing: EvidenceComparison, found: list[Candidate]) -> list[Cand
             return better
         found = better
     return found
+
+
+def _begun(found: Sequence[Candidate]) -> list[Candidate]:
+    """Return the explanations from which causes are exchanged: the best, and that with common forms of its rare causes.
+
+    The latter is only nearly as probable where a further cause imitates a second body: then only an exchange from it
+    leads to two bodies.
+    """
+    best, plain = found[0], common(found[0].names)
+    nearly = [c for c in found if sorted(c.names) == plain and c.log_evidence > best.log_evidence - _NEARLY]
+    return [best] if plain == sorted(best.names) else [best, *nearly[:1]]
 
 
 def evenly_refined(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candidate]:

@@ -229,6 +229,12 @@ def test_cause_that_imitated_another_one_is_exchanged(
     monkeypatch.setattr(Compositions, "exchanged", lambda _, one: more if one is wrong else [])
     assert exchanged(weighing, [wrong])[0] is best
     assert [sorted(c.names) for c in exchanged(weighing, [wrong])].count(sorted(best.names)) == 1
+    assert isinstance(body.cause, AddedMass)
+    load = replace(body, cause=replace(body.cause, name="distributed_mass"))
+    rare = replace(wrong, chosen=(load, sensor, sensor), log_evidence=wrong.log_evidence + 1.0)
+    assert exchanged(weighing, [rare, wrong])[0] is best  # from the common form, which is nearly as probable
+    rare = replace(rare, log_evidence=wrong.log_evidence + 10.0)
+    assert exchanged(weighing, [rare, wrong])[0] is rare
     assert sorted(best.names) == ["added_mass", "added_mass", "sensor_gain"]
     assert best.p_value > 0.01
     assert [c.row for c in best.chosen if c.cause.name == "sensor_gain"] == [3]
