@@ -29,8 +29,9 @@ from updater.fe.model import Model, Spring
 from updater.fe.section_forces import N_ACTIONS
 from updater.structure import Axis, Joint, Member, Support
 
-_MAX = 30  # states: more are combined
-_MIN = 1e-10  # relative to the largest singular value: less is zero
+_MAX = 90  # states: more are combined
+_MAX_OF_PART = 60  # strains whose products are kept by the combinations
+_MIN = 1e-10  # relative to the largest singular value, or eigenvalue: less is zero
 _AT_ONCE = 1e9  # m: one element between two joints carries any state exactly
 
 
@@ -60,12 +61,17 @@ class SelfStress:
 
 
 @lru_cache(maxsize=8)
-def self_stress(model: Model) -> SelfStress:
+def self_stress(model: Model, *, every: bool = False) -> SelfStress:
     """Return a model's states of self-stress; of matrices from elsewhere, those of their groups and springs.
 
     They are those strains of elements and springs, each divided by the root of its compliance, that no displacement
     causes: the part of all strains outside the range of the strain-displacement matrix. Very many are combined: the
-    products of strains are exact within each part of a member and each connection, and right on average between them.
+    products of strains are exact within a member of at most ten elements between joints and among springs of at most
+    ten connections, the supports first. Between such parts they have an error.
+
+    Parameters
+    ----------
+    every : whether all states are returned, however many: for products of strains between any members
     """
     if model.structure.external is not None:
         strains, stiffness_of = group_strains(model), {key: k for key, (_, k) in model.spring_rows().items()}
@@ -85,8 +91,9 @@ def self_stress(model: Model) -> SelfStress:
         forces.append(strain.T)
     springs = coarse.spring_rows()
     rows += [np.sqrt(stiffness) * row[None] for row, stiffness in springs.values()]
-    parts = [*_by_member(coarse.member_names), *_by_connection(list(springs), 6 * len(forces))]
-    states = _combined(_beside_range(np.concatenate(rows)), parts)
+    states = _beside_range(np.concatenate(rows))
+    if not every and states.shape[1] > _MAX:
+        states = _combined(states, [*_by_member(coarse.member_names), *_by_connection(list(springs), 6 * len(forces))])
     ends: defaultdict[str, list[tuple[float, Element, FloatArray]]] = defaultdict(list)
     for k, (force, (first, _, element)) in enumerate(zip(forces, coarse.elements, strict=True)):
         assert isinstance(element, Element)
@@ -112,42 +119,53 @@ def _beside_range(strain: FloatArray) -> FloatArray:
 
 
 def _by_member(names: Sequence[str]) -> list[IndexArray]:
-    """Return the strains of the elements of each member, of as many together as combined states distinguish.
+    """Return the strains of the elements of each member, of at most `_MAX_OF_PART` together.
 
     Parameters
     ----------
     names : member of each element
     """
-    most = _MAX // 6 - 1
     of_member = [[k for k, name in enumerate(names) if name == one] for one in dict.fromkeys(names)]
-    parts = [elements[i : i + most] for elements in of_member for i in range(0, len(elements), most)]
+    parts = [part for elements in of_member for part in _divided([[k] for k in elements], _MAX_OF_PART // 6)]
     return [np.add.outer(6 * np.array(part), np.arange(6)).ravel() for part in parts]
 
 
 def _by_connection(springs: Sequence[Spring], first: int) -> list[IndexArray]:
-    """Return the strains of the springs of each connection, the first of which is strain `first`."""
+    """Return the strains of the springs of connections, of at most `_MAX_OF_PART` together.
+
+    Parameters
+    ----------
+    first : number of the strain of the first spring
+    """
     rows: defaultdict[tuple[str, tuple[float, float, float]], list[int]] = defaultdict(list)
     for row, (member, at, _) in enumerate(springs, first):
         rows[member, at].append(row)
-    return [np.array(own) for own in rows.values()]
+    return [np.array(part) for part in _divided(list(rows.values()), _MAX_OF_PART)]
+
+
+def _divided(groups: Sequence[list[int]], most: int) -> list[list[int]]:
+    """Return groups of numbers joined to parts of at most so many, in their order."""
+    parts: list[list[int]] = []
+    for group in groups:
+        if parts and len(parts[-1]) + len(group) <= most:
+            parts[-1].extend(group)
+        else:
+            parts.append(list(group))
+    return parts
 
 
 def _combined(states: FloatArray, parts: Sequence[IndexArray]) -> FloatArray:
-    """Return the strains (n_strains, n) in at most `_MAX` combinations of states.
+    """Return the strains (n_strains, `_MAX`) in random combinations of states.
 
-    Random ones keep all products on average, with a standard deviation of n^-1/2 of the largest possible. The strains
-    of each part are then multiplied by the symmetric matrix that makes their own products exact.
+    The strains of each part are multiplied by the symmetric matrix that makes their own products exact.
 
     Parameters
     ----------
     states : (n_strains, n_states) strains in each state
-    parts : strains that act together, of at most `_MAX` each
+    parts : strains of which the products are kept; all strains are in one
     """
-    n = states.shape[1]
-    if n <= _MAX:
-        return states
     random = np.random.default_rng(0).standard_normal((len(states), _MAX))
-    combined = states @ np.linalg.qr(states.T @ random)[0] * np.sqrt(n / _MAX)  # of any basis of the states the same
+    combined = states @ np.linalg.qr(states.T @ random)[0]  # the same for any basis of the states
     for rows in parts:
         exact, _ = _roots(states[rows])
         _, inverse = _roots(combined[rows])

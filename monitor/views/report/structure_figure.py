@@ -126,7 +126,7 @@ class Frame:
         middle = self.flat(self.geometry.nodes).mean(0)
         for (x, y), names in labels:
             left = x > middle[0]
-            text = "\n".join(fill(name, _LABEL_WIDTH) for name in names if name)
+            text = "\n".join(fill(line, _LABEL_WIDTH) for name in names for line in name.splitlines())
             axes.annotate(
                 text, (x, y), (-9 if left else 9, 7 if above else -4),
                 textcoords="offset points", fontsize=8, zorder=7, ha="right" if left else "left",

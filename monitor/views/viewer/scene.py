@@ -190,7 +190,7 @@ def _mass(recording: rr.RecordingStream, geometry: Geometry, answer: MassAnswer,
 def _others(recording: rr.RecordingStream, geometry: Geometry, answer: MassAnswer, unit: tuple[float, str]) -> None:
     """Draw a paler ball with its own label at each other place that the data leave open; none if there is none."""
     places = np.array([o.position for o in answer.others], float).reshape(-1, 3)
-    labels = [f"or {unit[0] * o.mass:+.3g} {unit[1]} here ({share_text(o.probability)})" for o in answer.others]
+    labels = [f"or {unit[0] * o.mass:+.4g} {unit[1]} here ({share_text(o.probability)})" for o in answer.others]
     balls = rr.Points3D(places, radii=_radius(geometry, answer), colors=[REGION])
     recording.log("/structure/mass/others", balls)
     below = places - np.array([0, 0, _radius(geometry, answer) + 0.11 * geometry.size])

@@ -130,7 +130,7 @@ def restrained_forces(model: Model) -> FloatArray:
 
     Forces in tension [N]; of a state of self-stress, the force of a member is its mean along it.
     """
-    structure, states = model.structure, self_stress(model)
+    structure, states = model.structure, self_stress(model, every=True)
     axial = []
     for member in structure.member:
         stiffness = structure.material[member.material].youngs_modulus * structure.section[member.section].area

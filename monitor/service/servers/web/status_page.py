@@ -193,7 +193,7 @@ def _residuals(status: SiteStatus) -> dict[str, Any] | None:
         return None
     largest = sorted(residuals.deviation, key=lambda channel: -residuals.deviation[channel])[:_RESIDUALS]
     ratios = [f"{residuals.ratio[channel]:#.3g}" for channel in largest]
-    deviations = [f"{residuals.deviation[channel]:+.1f}" for channel in largest]
+    deviations = [f"{residuals.deviation[channel]:+z.1f}" for channel in largest]
     return {
         "over": bool(residuals.over),
         "text": f"{deviations[0]} standard deviations",
