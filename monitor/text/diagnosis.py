@@ -37,6 +37,8 @@ _SITUATIONS = {
     "widespread_stiffness": "Stiffness has changed along most of several members: corrosion, another material or other "
     "sections, of which a loss of stiffness alone is a part. Measure the members' sections, and correct the structure "
     "file.",
+    "insignificant": "The causes that fit best do not each differ from zero by two standard deviations. Record "
+    "longer, or measure with more sensors.",
     "unfit_model": "Correct the structure file: dimensions, supports and joints, width and height of each section and "
     "its orientation, positions of sensors, missing bodies. `identify --structure` compares its modes with the "
     "measured ones.",

@@ -75,7 +75,7 @@ from updater.diagnosis.search import (
     with_unlisted_bodies,
     within_noise,
 )
-from updater.diagnosis.simplification import merged, only_needed, significant_only
+from updater.diagnosis.simplification import is_significant, merged, only_needed, significant_only
 from updater.diagnosis.weighing import (
     DOUBTFUL,
     SURE,
@@ -187,8 +187,6 @@ class _Question:
         """Explain the event: by single causes, joint causes, a revised reference, and then by the fewest causes."""
         plain, assumed = self._compared()
         search, singles = relaxed_alone(plain, self._singles(plain))
-        if (shifts := _far_shifts(plain.data, singles[0])) is not None:
-            return replace(self, circumstances=replace(self.circumstances, shifts=shifts)).answer()
         if opening := _opening(plain, self.measured.event, self.circumstances, singles):
             return replace(self, circumstances=replace(self.circumstances, opening=opening)).answer()
         case = Case(
@@ -198,6 +196,9 @@ class _Question:
         unchanged = self.reference.nominal is None and (self.reference.of_file or within_noise(good, ()))
         if refused := self._refused_alone(case, unchanged=unchanged):
             return refused
+        shifts = plain.faults.attempt("modes that come close", partial(_far_shifts, plain.data, singles[0]))
+        if shifts is not None:
+            return replace(self, circumstances=replace(self.circumstances, shifts=shifts)).answer()
         case, found = _jointly(plain, case)
         best = max((*singles, *found), key=lambda c: c.log_evidence)
         if found and fits(found[0]):
@@ -296,7 +297,9 @@ class _Question:
 
 
 def _far_shifts(data: Comparison, best: Candidate) -> FloatArray | None:
-    """Return the log ratios (n_modes,) of all frequencies by a single cause that does not fit well; None if not needed.
+    """Return the log ratios (n_modes,) of modes that the likeliest single cause moves close to a compared one.
+
+    NaN for the others; None if there is none, or the cause fits well.
 
     Errors of the model turn modes into each other that are close after the change. A mode that was not measured is
     assumed to shift as the others do. If the cause shifts it farther, it may be much closer to one of them.
@@ -308,7 +311,8 @@ def _far_shifts(data: Comparison, best: Candidate) -> FloatArray | None:
     apart = np.abs((np.log(data.frequency) + shifts)[:, None] - now).min(1)
     far = np.abs(shifts) > _FAR * np.abs(data.log_ratio).mean()
     far[data.paired] = False
-    return shifts if (far & (apart < _CLOSE)).any() else None
+    close = far & (apart < _CLOSE)
+    return np.where(close, shifts, np.nan) if close.any() else None
 
 
 def _jointly(plain: EvidenceComparison, case: Case) -> tuple[Case, list[Candidate]]:
@@ -466,6 +470,24 @@ def _with_displaced_modes(case: Case, found: list[Candidate], good: Comparison, 
     return _explained(case, found, case.data, good, searched)
 
 
+def _significant(
+    weighing: EvidenceComparison, found: list[Candidate], best: Candidate, is_accepted: Callable[[Candidate], bool]
+) -> list[Candidate]:
+    """Return explanations nearly as probable as the best one, of which not all causes are significant, that fit.
+
+    Parameters
+    ----------
+    found : explanations as the search gives them
+    best : one of them, with open places
+    is_accepted : whether a fit is good enough to be named
+    """
+    rest = tuple(c for c, part in zip(best.chosen, best.parts, strict=True) if is_significant(part))
+    fewer = Compositions(weighing).coordinate_fit(rest) if rest else None
+    others = [c for c in found if sorted(c.names) != sorted(best.names)]
+    near = [c for c in (fewer, *others) if c is not None and c.log_evidence > best.log_evidence - _WORTH]
+    return ranked([c for c in near if all(map(is_significant, c.parts)) and is_accepted(c)])
+
+
 def _explained(
     case: Case, found: list[Candidate], data: Comparison, good: Comparison, searched: float
 ) -> DiagnosisResult:
@@ -480,13 +502,13 @@ def _explained(
     searched : log evidence of the best, as `case.singles` have theirs
     """
     wider = replace(case, data=data, weighing=replace(case.weighing, data=data))
-    found = with_open_places(wider, found)
-    kept = significant_only(wider.weighing, found)
-    if not kept or kept[0] is not found[0]:
-        if fitting := [c for c in kept if _accepted(good, c)]:
-            return _explained(case, fitting, data, good, searched)
-        return _unexplained(case, (kept or found)[0], searched)
-    found = with_unlisted_bodies(wider, found)
+    opened = with_open_places(wider, found)
+    best = opened[0]
+    if not all(map(is_significant, best.parts)):
+        if fewer := _significant(case.weighing, found, best, partial(_accepted, good)):
+            return _explained(case, fewer, case.data, good, searched)
+        return _refused("unexplained", case, searched, "insignificant", best.chosen)
+    found = with_unlisted_bodies(wider, opened)
     best = found[0]
     named, sure, left_open = named_causes(case.data, found, SURE, case.weighing.log_nothing)
     chosen, data = _with_all_modes(case, data, agreeing(data, best.chosen))

@@ -21,7 +21,7 @@ from updater.diagnosis.model_extension import agreeing
 from updater.diagnosis.schema import Gain, Pair
 from updater.fe import Model
 from updater.inference import Comparison, Prediction, Whitener, compare, residual, without_mode
-from updater.modal_data import ModalMean
+from updater.modal_data import Circumstances, ModalMean
 from updater.reference import Calibration, ModelFit, Reference, best_model, fit_of_model
 from updater.structure import Structure, dump_structure, parse_structure
 
@@ -201,7 +201,8 @@ def written_gain(
     known : fit of the latter to `measured`, if it is known
     """
     if heldout and set(data.channels) <= set(heldout.event.channels):
-        data, modes = compare(reference, heldout.event.at(data.channels)), heldout
+        predicted = Circumstances(shifts=data.circumstances.shifts)
+        data, modes = compare(reference, heldout.event.at(data.channels), circumstances=predicted), heldout
         change = change_gain_on(data, chosen)
     else:
         change, modes = change_gain_left_out(data, chosen), measured

@@ -124,7 +124,7 @@ def compare(
 def _of_every_mode(
     reference: Reference, tracks: IndexArray, ratio: FloatArray, circumstances: Circumstances
 ) -> FloatArray:
-    """Return the log ratios (n_modes,) of frequencies: measured, else predicted by a probable cause, else NaN."""
+    """Return the log ratios (n_modes,) of frequencies: measured, else of the circumstances, or NaN."""
     every = np.full(len(reference.frequency), np.nan) if circumstances.shifts is None else circumstances.shifts.copy()
     every[reference.paired[tracks]] = ratio
     return every

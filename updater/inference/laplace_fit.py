@@ -215,7 +215,8 @@ def refined_fit(comparison: Comparison, found: Fit[H]) -> Fit[H]:
     for left in reversed(range(_RESCALED)):
         if closer is None:
             break
-        found = _fit(comparison, closer, closer.start, near=True)
+        hopeless = np.inf if isinstance(closer, Rescaled) else _HOPELESS  # they begin far from their best too
+        found = _fit(comparison, closer, closer.start, near=True, hopeless=hopeless)
         closer = closer.rescaled(found.log_density, found.theta) if left and isinstance(closer, Rescaled) else None
     return found
 
@@ -239,16 +240,19 @@ class Point:
         return Point(self.theta[rows], self.effect.rows(rows), self.changed.rows(rows), self.residual[rows])
 
 
-def _fit(comparison: Comparison, hypotheses: H, start: FloatArray, *, near: bool) -> Fit[H]:
+def _fit(
+    comparison: Comparison, hypotheses: H, start: FloatArray, *, near: bool, hopeless: float = _HOPELESS
+) -> Fit[H]:
     """Fit all alternatives, which begin at `start` (n_alternatives, n_parameters).
 
     Parameters
     ----------
     near : whether that is near the best of each
+    hopeless : of chi-square over the best: alternatives that begin near their best are not fitted
     """
     everything = np.arange(len(start))
     point = evaluate(comparison, hypotheses, start, everything)
-    moving = point.cost < point.cost.min() + (_HOPELESS if near else np.inf)
+    moving = point.cost < point.cost.min() + (hopeless if near else np.inf)
     moving &= bool(len(hypotheses.prior_std))
     begun = np.flatnonzero(moving)
     slope = _of_priors(hypotheses, point)
@@ -370,7 +374,7 @@ def _bounded(whole: FloatArray, gradient: FloatArray, room: FloatArray, held: Bo
 
 
 def normal(slope: FloatArray) -> FloatArray:
-    """Return the normal matrices (n_alternatives, n_parameters, n_parameters) of derivatives, none of them singular.
+    """Return the normal matrices (n_alternatives, n_parameters, n_parameters), the diagonal larger by rounding.
 
     Where more mass is taken off than the modes have, all derivatives are nearly parallel, and far larger than those of
     the priors: rounding may make the matrix singular.

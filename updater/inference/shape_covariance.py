@@ -35,7 +35,7 @@ def foreign_modes(
     e_i times its typical size, d_i is wrong by 2 e_i (d_i d)^1/2 and the coupling by 2 (d (e_i^2 d_k + e_k^2 d_i))^1/2,
     d the mean of all: most where modes are close, and not nothing where a mode has its node. At a place where all modes
     move less than they typically do, d is the shift that the same change would cause at a typical place. Where mode k
-    moves more, u_i is wrong by e_i times that: modes of a model are turned into each other. Then d is d_k.
+    moves more, u_i is wrong by e_i times that, as modes of a model are turned into each other: d_k is used for d.
 
     Parameters
     ----------

@@ -116,7 +116,7 @@ class Circumstances:
     effort: Effort = field(default_factory=Effort)  #: of further measurements
     signals: Signals | None = None  #: of windows now and before
     opening: Mapping[str, OpeningEvidence] = field(default_factory=dict)  #: by the name of the loss of stiffness
-    #: (n_modes,) log ratios of the frequencies of the reference's modes by a probable cause, for those not measured
+    #: (n_modes,) log ratios of frequencies by the likeliest single cause, of modes that come close; else NaN
     shifts: FloatArray | None = None
     steady: bool = True  #: whether the event's windows are of one state (`updater.modal_data.states.stationarity`)
 

@@ -300,10 +300,10 @@ class AddedMass:
     def deviations(self, fit: Fit[Any]) -> float:
         """Return by how many standard deviations the mass of the best alternative differs from zero.
 
-        With place, offsets and radius of gyration held: they mean nothing where there is no mass.
+        With place, offsets and radius of gyration held: they are undefined without a mass.
         """
         precision = np.linalg.inv(fit.covariance[fit.best])[0, 0]
-        return float(abs(fit.theta[fit.best, 0]) * np.sqrt(precision))
+        return float(abs(fit.theta[fit.best, 0]) * np.sqrt(max(precision, 0.0)))
 
     def unlisted(self, row: int, theta: FloatArray) -> Body | None:
         """Return a removed body as it was if the reference's model does not have it, else None."""

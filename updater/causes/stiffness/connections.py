@@ -52,8 +52,8 @@ class Springs(Discrete):
     Alternatives are the possibly changed axes of each connection, singly and together: an unchanged axis, or one
     without effect on the data, must not affect the evidence. Each is there twice, started from no change and from the
     frequencies to first order: where modes cross on the way, one of them may not converge. A large change is fitted
-    from hinges too (`refined`). A free axis starts with the stiffness of the member, because only there its stiffness
-    moves a mode.
+    from changes of several orders too (`refined`). A free axis starts with the stiffness of the member, because only
+    there its stiffness moves a mode.
     """
 
     name: str

@@ -203,7 +203,7 @@ def implausible_level(recordings: Sequence[Recording]) -> Iterator[str]:
     rms = _rms(recordings)
     median = float(np.median(rms)) if rms else 0.0
     if median > _STRONGEST:
-        yield f"an rms of {median:.2g} m/s2 is more than structures vibrate with: check the unit, such as --unit mm/s2"
+        yield f"an rms of {median:.2g} m/s2 exceeds that of structures in service: check the unit, such as --unit mm/s2"
 
 
 def _rms(recordings: Sequence[Recording]) -> list[float]:
