@@ -85,7 +85,7 @@ def test_displacement_inside_a_turned_element_is_exact() -> None:
 @pytest.mark.parametrize("local_y", ["[0.0, 0.0, 1.0]", "[0.0, 0.0, 0.0]", "[0, 0, -3]"])
 def test_local_y_along_the_member_is_refused(local_y: str) -> None:
     text = t_structure_toml().replace("elements = 37", f"elements = 37\nlocal_y = {local_y}")
-    with pytest.raises(StructureError, match=r"member\.0 of column: member column: local_y .* does not point across"):
+    with pytest.raises(StructureError, match=r"member\.0 of column: local_y .* does not point across the member"):
         parse_structure(text)
 
 

@@ -103,7 +103,7 @@ def test_a_spring_changes_once_in_an_answer_of_two_causes(design: str, name: str
 
 
 @pytest.mark.parametrize(("design", "name"), EVERY)
-def test_large_change_is_fitted_from_hinges_too_and_each_alternative_then_once(design: str, name: str) -> None:
+def test_large_change_is_fitted_from_several_orders_too_and_each_alternative_then_once(design: str, name: str) -> None:
     """The prior's order follows the change; a usual change is not refined."""
     _, cause = springs(design, name)
     n, half = len(cause.lower), len(cause.lower) // 2
@@ -113,8 +113,10 @@ def test_large_change_is_fitted_from_hinges_too_and_each_alternative_then_once(d
     large = np.where(cause.active, 0.5, 0.0)
     refined = cause.refined(density, large)
     assert refined
-    assert len(refined.lower) == half + cause.active[:half].sum()
-    assert (refined.begun[half:].max(1) == refined.prior_std[0]).all()
+    hinges = int(cause.active[:half].sum())
+    assert len(refined.lower) == half + 4 * half + hinges
+    np.testing.assert_array_equal(refined.begun[half:-hinges].max(1), np.repeat([0.1, 0.3, 1.0, 3.0], half))
+    assert (refined.begun[-hinges:].max(1) == refined.prior_std[0]).all()
     np.testing.assert_array_equal(refined.active[:half], cause.active[:half])
     assert np.exp(refined.log_prior).sum() == pytest.approx(1)
     again = refined.rescaled(np.zeros(len(refined.lower)), np.where(refined.active, 0.5, 0.0))
