@@ -120,7 +120,7 @@ def one_to_one(share: FloatArray) -> IndexArray:
 
     Parameters
     ----------
-    share : (p, n, n) of each mode before in each one after
+    share : (p, n, m) of each mode before in each one after, m >= n
     """
     found: IndexArray = np.argmax(share, axis=2)
     for row in np.flatnonzero((np.diff(np.sort(found, axis=1), axis=1) == 0).any(1)).tolist():

@@ -15,10 +15,9 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, IndexArray
-from updater.inference.comparison import Comparison
+from updater.inference.comparison import Comparison, one_to_one
 from updater.inference.residuals import Prediction
 from updater.inference.shape_covariance import inner
 from updater.modal_data import FREQUENCY_WEIGHT
@@ -442,8 +441,8 @@ def shifts_of_all(comparison: Comparison, effect: Effect) -> FloatArray:
     """
     n = len(comparison.frequency)
     changed = reanalyse(comparison, effect.rows(np.zeros(1, np.intp)))
-    share = (changed.vector * changed.weighed)[:, :n]
-    now = -0.5 * np.log(changed.value[0, linear_sum_assignment(share[0], maximize=True)[1]])
+    successor = one_to_one((changed.vector * changed.weighed)[:, :n])
+    now = -0.5 * np.log(changed.value[0, successor[0]])
     return np.asarray(now - np.log(2 * np.pi * comparison.frequency))
 
 
