@@ -211,7 +211,10 @@ def _carried_on(structure: Structure, calibration: Calibration, measured: Measur
     found = recalibrated(structure, there, measured, far=far, start=calibration)
     if found is not None and not far and found.p_value < _MIN_P:
         found = recalibrated(structure, there, measured, far=True, start=calibration)
-    return calibration if found is None else _calibration(structure, found, there, measured.mean)
+    if found is None:
+        return calibration
+    carried = _calibration(structure, found, there, measured.mean)
+    return replace(carried, unmeasured_std=calibration.unmeasured_std)
 
 
 def _calibration(structure: Structure, found: Recalibrated, there: Reference, measured: ModalMean) -> Calibration:

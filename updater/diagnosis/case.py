@@ -76,5 +76,5 @@ class Case:
 
     @property
     def of_other_references(self) -> Circumstances:
-        """The circumstances, without shifts that are of the modes of this reference."""
-        return replace(self.data.circumstances, shifts=None)
+        """The circumstances, without a mixing that is of the modes of this reference."""
+        return replace(self.data.circumstances, mixing=None)

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from daq import FloatArray, IndexArray
+from daq import IndexArray
 from updater.causes import CATALOGUE, AddedMass, CommonFactor, LocalStiffness, SelectedCause, Springs, effect_of
 from updater.diagnosis.case import Case, DiagnosisResult, RecalibratedModel
 from updater.diagnosis.combinations import Compositions, common
@@ -89,8 +89,8 @@ from updater.diagnosis.weighing import (
 )
 from updater.errors import SelectionError
 from updater.fe import Model
-from updater.inference import MODEL_ERROR, Comparison, compare, shifts_of_all
-from updater.modal_data import NOTHING_KNOWN, Circumstances, KnownMass, ModalMean, OpeningEvidence
+from updater.inference import MODEL_ERROR, Comparison, by_unmeasured, compare, mixing_of
+from updater.modal_data import NOTHING_KNOWN, Circumstances, KnownMass, Mixing, ModalMean, OpeningEvidence
 from updater.reference import Calibration, ModelFit, Reference
 from updater.validation import opening_evidence, opens_significantly
 
@@ -196,9 +196,9 @@ class _Question:
         unchanged = self.reference.nominal is None and (self.reference.of_file or within_noise(good, ()))
         if refused := self._refused_alone(case, unchanged=unchanged):
             return refused
-        shifts = plain.faults.attempt("modes that come close", partial(_far_shifts, plain.data, singles[0]))
-        if shifts is not None:
-            return replace(self, circumstances=replace(self.circumstances, shifts=shifts)).answer()
+        mixing = plain.faults.attempt("modes that come close", partial(_mixing, case.reference, plain.data, singles[0]))
+        if mixing is not None:
+            return replace(self, circumstances=replace(self.circumstances, mixing=mixing)).answer()
         case, found = _jointly(plain, case)
         best = max((*singles, *found), key=lambda c: c.log_evidence)
         if found and fits(found[0]):
@@ -284,7 +284,7 @@ class _Question:
         """Return the answer with another reference: with bodies that were removed, or springs that did not change."""
 
         def again(bare: Calibration | None, reference: Reference) -> DiagnosisResult:
-            known = replace(self.circumstances, shifts=None)  # they are of the modes of this reference
+            known = replace(self.circumstances, mixing=None)  # it is of the modes of this reference
             return replace(self, reference=reference, circumstances=known, bare=bare).answer()
 
         needed = only_needed(case.weighing, best, partial(_accepted, good))  # a body that is not needed shows no error
@@ -296,23 +296,34 @@ class _Question:
         return next((found for found in revised if found is not None), None)
 
 
-def _far_shifts(data: Comparison, best: Candidate) -> FloatArray | None:
-    """Return the log ratios (n_modes,) of modes that the likeliest single cause moves close to a compared one.
+def _mixing(reference: Reference, data: Comparison, best: Candidate) -> Mixing | None:
+    """Return the modes of the reference as the likeliest single cause mixes them.
 
-    NaN for the others; None if there is none, or the cause fits well.
+    None if the cause fits well, or if the modes that were not measured are of no importance for the compared ones.
 
     Errors of the model turn modes into each other that are close after the change. A mode that was not measured is
-    assumed to shift as the others do. If the cause shifts it farther, it may be much closer to one of them.
+    assumed to shift as the others do. If the cause shifts it farther, it may be much closer to one of them. If the
+    cause mixes it with a compared one, the error of its frequency is one of that, too.
     """
-    if data.circumstances.shifts is not None or best.p_value >= DOUBTFUL:
+    if data.circumstances.mixing is not None or best.p_value >= DOUBTFUL:
         return None
-    shifts = shifts_of_all(data, effect_of(best.chosen))
+    mixing = mixing_of(data, effect_of(best.chosen), reference.paired, reference.calibration.unmeasured_std)
     now = np.log(data.frequency[data.paired]) + data.log_ratio
-    apart = np.abs((np.log(data.frequency) + shifts)[:, None] - now).min(1)
-    far = np.abs(shifts) > _FAR * np.abs(data.log_ratio).mean()
+    apart = np.abs((np.log(data.frequency) + mixing.shifts)[:, None] - now).min(1)
+    far = np.abs(mixing.shifts) > _FAR * np.abs(data.log_ratio).mean()
     far[data.paired] = False
     close = far & (apart < _CLOSE)
-    return np.where(close, shifts, np.nan) if close.any() else None
+    mixing = replace(mixing, shifts=np.where(close, mixing.shifts, np.nan))
+    return mixing if close.any() or _exceeds_assumed(data, mixing) else None
+
+
+def _exceeds_assumed(data: Comparison, mixing: Mixing) -> bool:
+    """Return whether errors by frequencies that were not measured exceed all those that are assumed, in any mode."""
+    by_others = (mixing.log_frequency[:, data.paired] ** 2).sum(0)
+    turned = by_unmeasured(mixing, data.paired, data.at_channels, data.base)
+    whitened = turned @ data.shape_whitener.transpose(0, 2, 1)
+    of_shapes = (whitened**2).sum((1, 2)) / data.overdispersion
+    return bool((by_others > np.diag(data.frequency_covariance)).any() or (of_shapes > 1).any())
 
 
 def _jointly(plain: EvidenceComparison, case: Case) -> tuple[Case, list[Candidate]]:

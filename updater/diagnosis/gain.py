@@ -201,7 +201,7 @@ def written_gain(
     known : fit of the latter to `measured`, if it is known
     """
     if heldout and set(data.channels) <= set(heldout.event.channels):
-        predicted = Circumstances(shifts=data.circumstances.shifts)
+        predicted = Circumstances(mixing=data.circumstances.mixing)
         data, modes = compare(reference, heldout.event.at(data.channels), circumstances=predicted), heldout
         change = change_gain_on(data, chosen)
     else:

@@ -39,12 +39,13 @@ from updater.inference.reanalysis import Changed as Changed
 from updater.inference.reanalysis import Effect as Effect
 from updater.inference.reanalysis import Tangent as Tangent
 from updater.inference.reanalysis import in_modes as in_modes
+from updater.inference.reanalysis import mixing_of as mixing_of
 from updater.inference.reanalysis import no_effect as no_effect
 from updater.inference.reanalysis import picked as picked
 from updater.inference.reanalysis import predict as predict
 from updater.inference.reanalysis import reanalyse as reanalyse
-from updater.inference.reanalysis import shifts_of_all as shifts_of_all
 from updater.inference.residuals import Prediction as Prediction
 from updater.inference.residuals import residual as residual
 from updater.inference.shape_covariance import SHAPE_BIAS as SHAPE_BIAS
 from updater.inference.shape_covariance import beside as beside
+from updater.inference.shape_covariance import by_unmeasured as by_unmeasured

@@ -22,6 +22,7 @@ from updater.inference.shape_covariance import (
     SHAPE_BIAS,
     along_changed_modes,
     beside,
+    by_unmeasured,
     foreign_modes,
     mixed_by_change,
     nearer_modes,
@@ -93,6 +94,13 @@ def compare(
     now = np.where(np.isfinite(event.shape), event.shape, base.shape)
     altered = along_changed_modes(share, reference.paired[tracks], at_channels, base.shape, now)
     foreign = np.concatenate([foreign, by_noise, altered], axis=1)
+    common = reference.common_error[tracks]
+    if circumstances.mixing is not None:
+        paired = reference.paired[tracks]
+        foreign = np.concatenate(
+            [foreign, by_unmeasured(circumstances.mixing, paired, at_channels, base.shape)], axis=1
+        )
+        common = np.concatenate([common, circumstances.mixing.log_frequency[:, paired].T], axis=1)
     nearer = nearer_modes(reference, tracks, every, at_channels, base.damping)
     nearer = np.concatenate([nearer, by_noise], axis=1)
     sign = np.where((event.shape * base.shape).sum(1) < 0, -1, 1)[:, None]
@@ -101,7 +109,7 @@ def compare(
         tracks=tracks,
         paired=reference.paired[tracks],
         mesh_error=mesh_error,
-        **_frequencies_of(base, event, error, typical_shift, reference.common_error[tracks]),
+        **_frequencies_of(base, event, error, typical_shift, common),
         **_shapes_of(base, event, sign, scatter, max(reference.delays.wander, circumstances.wander), foreign),
         sensor_errors=sensor_errors(reference, tracks, channels),
         mesh_errors=_common_to_modes(base.shape, sign * now, ratio, mesh_error),
@@ -125,7 +133,8 @@ def _of_every_mode(
     reference: Reference, tracks: IndexArray, ratio: FloatArray, circumstances: Circumstances
 ) -> FloatArray:
     """Return the log ratios (n_modes,) of frequencies: measured, else of the circumstances, or NaN."""
-    every = np.full(len(reference.frequency), np.nan) if circumstances.shifts is None else circumstances.shifts.copy()
+    mixing = circumstances.mixing
+    every = np.full(len(reference.frequency), np.nan) if mixing is None else mixing.shifts.copy()
     every[reference.paired[tracks]] = ratio
     return every
 

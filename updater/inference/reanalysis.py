@@ -20,7 +20,7 @@ from daq import FloatArray, IndexArray
 from updater.inference.comparison import Comparison, one_to_one
 from updater.inference.residuals import Prediction
 from updater.inference.shape_covariance import inner
-from updater.modal_data import FREQUENCY_WEIGHT
+from updater.modal_data import FREQUENCY_WEIGHT, Mixing
 
 _EITHER = 0.1  # of the largest share of a mode in a changed one, from which on another one may be its successor
 _SPLIT = 0.05  # share of an oscillator in a compared mode above which either of two modes may be its successor
@@ -434,16 +434,35 @@ def picked(changed: Changed) -> tuple[FloatArray, FloatArray]:
     return changed.value[np.arange(len(changed.pick))[:, None], changed.pick], _columns(changed.vector, changed.pick)
 
 
-def shifts_of_all(comparison: Comparison, effect: Effect) -> FloatArray:
-    """Return the log ratios (n_modes,) of the frequencies of all modes to those before, by one alternative.
+def mixing_of(comparison: Comparison, effect: Effect, known: IndexArray, std: float) -> Mixing:
+    """Return the modes of the reference as one alternative mixes them.
 
-    Each mode has its own successor, all together those with the largest shares.
+    If the model has mode k at a frequency that is too high by s_k, its flexibility 1 / omega_k^2 is too low by 2 s_k of
+    itself. To first order, a mode that takes the share c of mode k is too high by c s_k, and two modes are turned into
+    each other the more, the closer they are. Each mode has its own successor, all together those with the largest
+    shares.
+
+    Parameters
+    ----------
+    effect : (1,) or more alternatives, of which the first counts
+    known : modes of the reference that were measured: their frequencies have no such error
+    std : standard deviation of ln f of the others
     """
     n = len(comparison.frequency)
-    changed = reanalyse(comparison, effect.rows(np.zeros(1, np.intp)))
-    successor = one_to_one((changed.vector * changed.weighed)[:, :n])
-    now = -0.5 * np.log(changed.value[0, successor[0]])
-    return np.asarray(now - np.log(2 * np.pi * comparison.frequency))
+    effect = effect.rows(np.zeros(1, np.intp))
+    changed = reanalyse(comparison, effect)
+    changed = replace(changed, pick=one_to_one((changed.vector * changed.weighed)[:, :n]))
+    value, vector = picked(changed)
+    others = np.setdiff1d(np.arange(n), known)
+    flexibility = np.zeros((len(others), 1, *2 * (len(changed.vector[0]),)))
+    flexibility[np.arange(len(others)), 0, others, others] = -2 * std / (2 * np.pi * comparison.frequency[others]) ** 2
+    by_value, turned = Tangent(changed, effect).by(np.zeros((1, *flexibility.shape[2:])), flexibility)
+    return Mixing(
+        shifts=-0.5 * np.log(value[0]) - np.log(2 * np.pi * comparison.frequency),
+        log_frequency=-0.5 * by_value[:, 0] / value,
+        shape=vector[0, :n],
+        turned=turned[:, 0, :n],
+    )
 
 
 def _columns(matrix: FloatArray, pick: IndexArray) -> FloatArray:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.modal_data import ModalMean
+from updater.modal_data import Mixing, ModalMean
 from updater.reference import Reference
 
 SHAPE_BIAS = 6e-4  #: relative to a unit shape: error of identification beyond its noise, different after a change
@@ -173,6 +173,27 @@ def along_changed_modes(
     others = (length > _MIN_GAP * np.linalg.norm(at_channels[:, paired], axis=0)) & ~np.eye(len(paired), dtype=bool)
     altered = beside(now, np.where(others[:, :, None], before, 1.0))
     return np.asarray(np.where(others, share[:, paired], 0.0)[:, :, None] * altered)
+
+
+def by_unmeasured(mixing: Mixing, paired: IndexArray, at_channels: FloatArray, base: FloatArray) -> FloatArray:
+    """Return how far wrong frequencies of modes that were not measured turn compared shapes.
+
+    Parameters
+    ----------
+    paired : (n,) model mode of each compared one
+    base : (n, n_channels) of the compared modes before, unit norm
+
+    Returns
+    -------
+    (n, n_errors, n_channels)
+        Standard deviation in unit shapes by each of these frequencies, orthogonal to the baseline's shape.
+    """
+    now = (at_channels @ mixing.shape[:, paired]).T
+    length = np.maximum(np.linalg.norm(now, axis=1, keepdims=True), _UNSEEN)
+    turned = (at_channels @ mixing.turned[:, :, paired]).transpose(0, 2, 1) / length
+    error = turned_back(beside(turned, now / length), now / length, base)
+    size = np.maximum(np.linalg.norm(error, axis=2, keepdims=True), _UNSEEN)
+    return np.asarray(error * np.minimum(_MAX_TURNED / size, 1.0)).transpose(1, 0, 2)
 
 
 def own_phases(shape: FloatArray, imaginary: FloatArray, variance: FloatArray, base: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from updater.modal_data.conditions import Circumstances as Circumstances
     from updater.modal_data.conditions import Effort as Effort
     from updater.modal_data.conditions import KnownMass as KnownMass
+    from updater.modal_data.conditions import Mixing as Mixing
     from updater.modal_data.conditions import OpeningEvidence as OpeningEvidence
     from updater.modal_data.conditions import Signals as Signals
     from updater.modal_data.conditions import Sites as Sites

@@ -101,6 +101,16 @@ class Effort:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Mixing:
+    """Modes of the reference as a cause mixes them, and their errors by the frequencies of modes not measured."""
+
+    shifts: FloatArray  #: (n_modes,) log ratios of frequencies, of modes not measured that come close; else NaN
+    log_frequency: FloatArray  #: (n_errors, n_modes) standard deviation of ln f by the frequency of each of these
+    shape: FloatArray  #: (n_modes, n_modes) of each mode, by column, in those of the reference, of unit modal mass
+    turned: FloatArray  #: (n_errors, n_modes, n_modes) standard deviation of these, likewise
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Circumstances:
     """Of an event, against the baseline."""
 
@@ -116,8 +126,7 @@ class Circumstances:
     effort: Effort = field(default_factory=Effort)  #: of further measurements
     signals: Signals | None = None  #: of windows now and before
     opening: Mapping[str, OpeningEvidence] = field(default_factory=dict)  #: by the name of the loss of stiffness
-    #: (n_modes,) log ratios of frequencies by the likeliest single cause, of modes that come close; else NaN
-    shifts: FloatArray | None = None
+    mixing: Mixing | None = None  #: by the likeliest single cause, where errors of modes not measured are important
     steady: bool = True  #: whether the event's windows are of one state (`updater.modal_data.states.stationarity`)
 
     def opening_at(self, cause: str, sites: Sites) -> FloatArray:

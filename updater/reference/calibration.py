@@ -106,6 +106,8 @@ class Calibration:
     parameters: tuple[Parameter, ...]
     reason: Convergence | Literal["not_fitted"]  #: why the iteration ended
     knobs: tuple[ModelParameter, ...]  #: parameters that were fitted, or could be
+    #: standard deviation of ln f of modes that were not measured: rms of those measured, each left out of the fit
+    unmeasured_std: float = FREQUENCY_ERROR
 
     @property
     def fitted(self) -> bool:
@@ -274,6 +276,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
         ),
         reason=fit.reason,
         knobs=tuple(best.knobs),
+        unmeasured_std=max(best.misfit.rms(fit.left_out), FREQUENCY_ERROR),
     )
 
 
@@ -507,6 +510,10 @@ class _Misfit:
     def residual(self, x: FloatArray) -> FloatArray:
         off = np.log(self._solved(*x)[1].frequency) - self._measured.log_frequency
         return np.asarray(self._whitener @ off)
+
+    def rms(self, whitened: FloatArray) -> float:
+        """Return the root mean square in ln f of whitened residuals (n_tracks,)."""
+        return float(np.sqrt(np.mean((whitened / np.diag(self._whitener)) ** 2)))
 
     def slope(self, x: FloatArray) -> FloatArray:
         model, modes, _ = self._solved(*x)

@@ -25,6 +25,7 @@ Convergence = Literal["iteration_limit", "no_lower_cost", "cost_converged", "no_
 _ENOUGH = 1e-6  # of the cost: a step that is expected to gain less is not taken
 _DAMPING = 1e-3  # first damping after a step that failed, over the diagonal of the normal matrix
 _FACTOR = 10.0  # of the damping after each further one
+_LEAST_FREE = 1e-6  # of a datum that the others and the prior determine
 
 
 class Problem(Protocol):
@@ -57,6 +58,7 @@ class SensitivityFit:
     at_bound: npt.NDArray[np.bool_]  #: (n,) parameters that a bound holds
     chi_square: float  #: chi-square of data and prior
     log_evidence: float  #: Laplace's, of the parameters that no bound holds; up to the data's own constant
+    left_out: FloatArray  #: (n_data,) whitened residuals, each as if it alone were not fitted, to first order
     iterations: int  #: models solved on the way
     reason: Convergence  #: why it ended
 
@@ -112,6 +114,7 @@ def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> Sensit
         at_bound=at_bound,
         chi_square=2 * cost,
         log_evidence=float(-cost - 0.5 * log_det - np.log(prior.std[free]).sum()),
+        left_out=_left_out(now[: -len(x)], slope[: -len(x), free], normal[np.ix_(free, free)]),
         iterations=iterations,
         reason=reason,
     )
@@ -126,16 +129,31 @@ def _bounded_step(
     return np.asarray(lsq_linear(*problem, bounds=(lower, upper), method="bvls", tol=1e-12).x)
 
 
+def _left_out(residual: FloatArray, slope: FloatArray, normal: FloatArray) -> FloatArray:
+    """Return the residuals r / (1 - h) of data that are left out, h their leverage (Allen 1974, Technometrics 16).
+
+    Parameters
+    ----------
+    residual : (n_data,) whitened, of the fit to all data
+    slope : (n_data, n) of the parameters that no bound holds
+    normal : (n, n) normal matrix of these, with their prior
+    """
+    leverage = np.einsum("ij,ji->i", slope, np.linalg.solve(normal, slope.T))
+    return np.asarray(residual / np.maximum(1 - leverage, _LEAST_FREE))
+
+
 def _without_parameters(problem: Problem) -> SensitivityFit:
     """Return the result where nothing may be updated."""
     none = np.empty(0)
-    cost = float((problem.residual(none) ** 2).sum())
+    residual = problem.residual(none)
+    cost = float(residual @ residual)
     return SensitivityFit(
         value=none,
         std=none,
         at_bound=np.empty(0, bool),
         chi_square=cost,
         log_evidence=-cost / 2,
+        left_out=residual,
         iterations=1,
         reason="no_parameters",
     )
