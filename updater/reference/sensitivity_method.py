@@ -2,12 +2,14 @@
 
 Whitened residuals r(x) and a prior, which regularises: parameters without information keep their values. The cost
 |r(x)|^2 + |(x - x0) / s|^2 is reduced by Gauss-Newton steps with exact sensitivities; a parameter that would leave its
-bounds stays at the bound, and a step that raises the cost is tried again with Levenberg's damping.
+bounds stays at the bound, and a step that raises the cost is tried again with Levenberg's damping. The damping follows
+the ratio of the cost's reduction to the expected one.
 
 References
 ----------
 Friswell, M. I. & Mottershead, J. E. (1995). Finite Element Model Updating in Structural Dynamics, ch. 8.
 Fox, R. L. & Kapoor, M. P. (1968). Rates of change of eigenvalues and eigenvectors. AIAA Journal 6(12), 2426-2429.
+Fletcher, R. (1971). A modified Marquardt subroutine for non-linear least squares. AERE-R 6799, Harwell.
 """
 
 from dataclasses import dataclass
@@ -23,8 +25,11 @@ from daq import FloatArray
 Convergence = Literal["iteration_limit", "no_lower_cost", "cost_converged", "no_parameters"]
 
 _ENOUGH = 1e-6  # of the cost: a step that is expected to gain less is not taken
+# of chi-square: a damped step, of slow convergence, that is expected to gain less is not taken; 3 % of a deviation
+_SLIGHT = 1e-3
 _DAMPING = 1e-3  # first damping after a step that failed, over the diagonal of the normal matrix
 _FACTOR = 10.0  # of the damping after each further one
+_AS_EXPECTED, _LESS = 0.75, 0.25  # of the expected reduction, from which on the damping falls, and under which it rises
 _LEAST_FREE = 1e-6  # of a datum that the others and the prior determine
 
 
@@ -93,13 +98,14 @@ def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> Sensit
     for iterations in range(1, most + 1):  # noqa: B007 - the number is part of the result
         step = _bounded_step(slope, now, prior.lower - x, prior.upper - x, damping)
         expected = now @ now - ((now + slope @ step) ** 2).sum()
-        if expected <= _ENOUGH * (now @ now):
+        if expected <= max(_ENOUGH * (now @ now), _SLIGHT if damping else 0.0):
             reason = "cost_converged" if damping < 1 else "no_lower_cost"
             break
         tried = residual(x + step)
         if tried @ tried < now @ now:
+            gained = (now @ now - tried @ tried) / expected
             x, now = x + step, tried
-            slope, damping = slopes(x), damping / _FACTOR if damping > _DAMPING else 0.0
+            slope, damping = slopes(x), _less_or_more(damping, float(gained))
         else:
             damping = max(_FACTOR * damping, _DAMPING)
     normal = slope.T @ slope
@@ -118,6 +124,15 @@ def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> Sensit
         iterations=iterations,
         reason=reason,
     )
+
+
+def _less_or_more(damping: float, gained: float) -> float:
+    """Return the damping after a step that has reduced the cost by a share of what was expected."""
+    if gained < _LESS:
+        return _FACTOR * damping
+    if gained < _AS_EXPECTED:
+        return damping
+    return damping / _FACTOR if damping > _DAMPING else 0.0
 
 
 def _bounded_step(
