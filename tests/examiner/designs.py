@@ -1,4 +1,4 @@
-"""Structures besides the T-frame: a portal, a bridge, a mast, a grid."""
+"""Structures besides the T-frame: a portal, a bridge, a mast, a grid, a frame of two storeys."""
 
 from dataclasses import replace
 
@@ -181,4 +181,47 @@ GRID = Design(
     element=0.1,
 )
 
-DESIGNS = {design.name: design for design in (PORTAL, BRIDGE, MAST, GRID)}
+_COLUMN, _STOREY_BEAM = thin_box(0.05, 0.03, 0.002), thin_box(0.03, 0.04, 0.002)
+_STIFF = 210e9 * _COLUMN.second_moment[0] / 2.0 / 0.004  # N m/rad
+_CORNERS = ((0.0, 0.0), (1.2, 0.0), (1.2, 0.8), (0.0, 0.8))
+#: eight closed loops of members, and modes close to some that the sensors do not measure
+STOREYS = Design(
+    name="storeys",
+    bars=(
+        *(steel_bar(f"column{i}", (x, y, 0.0), 2, 2.0, _COLUMN, 0.05) for i, (x, y) in enumerate(_CORNERS)),
+        *(
+            steel_bar(f"beam{level}{side}", (x, y, float(level)), axis, length, _STOREY_BEAM, 0.05)
+            for level in (1, 2)
+            for side, x, y, axis, length in (
+                ("front", 0.0, 0.0, 0, 1.2),
+                ("back", 0.0, 0.8, 0, 1.2),
+                ("left", 0.0, 0.0, 1, 0.8),
+                ("right", 1.2, 0.0, 1, 0.8),
+            )
+        ),
+    ),
+    grounds=tuple(Ground(bar=f"column{i}", s=0.0, about=(_STIFF,) * 3) for i in range(4)),
+    meetings=tuple(
+        Meeting(bar=f"column{i}", s=float(level), other=f"beam{level}{side}", t=t, about=(_STIFF,) * 3)
+        for level in (1, 2)
+        for i, side, t in (
+            (0, "front", 0.0),
+            (1, "front", 1.2),
+            (3, "back", 0.0),
+            (2, "back", 1.2),
+            (0, "left", 0.0),
+            (3, "left", 0.8),
+            (1, "right", 0.0),
+            (2, "right", 0.8),
+        )
+    ),
+    devices=(
+        *((f"column{i}", 2.0, f"top_{i}", "xy") for i in range(4)),
+        *((f"column{i}", 1.0, f"middle_{i}", "xy") for i in (0, 2)),
+    ),
+    band=170.0,
+    window=120.0,
+    element=0.1,
+)
+
+DESIGNS = {design.name: design for design in (PORTAL, BRIDGE, MAST, GRID, STOREYS)}
