@@ -20,6 +20,7 @@ from updater.diagnosis.gain import (
     WindowModes,
     calibrated_model,
     compared_rows,
+    differs_from_predicted,
     fit_of_written,
     read_back,
     written_gain,
@@ -546,6 +547,9 @@ def _explained(
         fitted = partial(fit_of_written, case.reference, case.data, case.measured, model, chosen)
         written = faults.attempt("the modes of the written model", fitted)
         gained = faults.attempt("the gain", partial(_gained, case, chosen, model, written))
+    compared = None if written is None else written.only(compared_rows(case.data, case.measured))
+    if compared is not None and differs_from_predicted(case.reference, case.data, compared, chosen):
+        return _refused("unexplained", case, searched, "other_model")
     if gained and gained.is_worse:
         return _refused("unexplained", case, searched, "worse_model")
     decisive = None if sure else faults.attempt("the next measurement", lambda: _next(case, left_open))
@@ -556,7 +560,7 @@ def _explained(
             case.reference,
             case.event,
             case.data,
-            None if written is None else written.only(compared_rows(case.data, case.measured)),
+            compared,
         ),
         gain=gained.gain if gained and gained.significant else None,
         calibration=calibration_summary(case.reference),

@@ -29,6 +29,8 @@ _SIGNIFICANT = 2.0  # standard deviations
 _CONTRADICTS = 3.0  # standard deviations
 _DOUBLE = 2.0  # times the error of frequencies without the causes
 _BY_MODE = ("log_ratio", "shape", "imaginary", "log_damping")  # of a prediction
+_EXACT = 5e-3  # ln f: largest median difference of a written model from its prediction ...
+_SHARE = 0.2  # or that, of the changes' root mean square; measured differences were at most 1e-3
 _UNKNOWN = 1e4  # variance of a log frequency that was not measured
 
 
@@ -229,12 +231,35 @@ def fit_of_written(
     model : of the structure with the causes chosen, if any, written in
     """
     expected = np.full(len(modes.every.n), np.nan)
-    ratio = prediction(data, chosen).log_ratio[0]
-    # the model's own frequencies, which it may miss the measured ones by
-    frequency = reference.calibration.modes.frequency if reference.measured else data.frequency
-    expected[modes.rows(modes.event.only(data.tracks))] = frequency[data.paired] * np.exp(ratio)
+    expected[modes.rows(modes.event.only(data.tracks))] = _expected(reference, data, chosen)
     every = modes.every.at(data.channels)
     return fit_of_model(model, every, expected=expected, overdispersion=data.overdispersion)
+
+
+def _expected(reference: Reference, data: Comparison, chosen: Sequence[SelectedCause] | None) -> FloatArray:
+    """Return the frequencies (n,) that a model with causes should have: its own, which may miss the measured ones."""
+    frequency = reference.calibration.modes.frequency if reference.measured else data.frequency
+    return np.asarray(frequency[data.paired] * np.exp(prediction(data, chosen).log_ratio[0]))
+
+
+def differs_from_predicted(
+    reference: Reference, data: Comparison, written: ModelFit, chosen: Sequence[SelectedCause]
+) -> bool:
+    """Return whether a written model has other frequencies than its causes predict: their approximations do not hold.
+
+    The median over the modes counts, as close modes may be paired otherwise.
+
+    Parameters
+    ----------
+    reference : that the causes were sought with
+    data : the compared modes
+    written : (n,) or more, fit of the written model to these modes, and then to others
+    chosen : causes
+    """
+    apart = np.abs(np.log(written.frequency[: len(data.paired)] / _expected(reference, data, chosen)))
+    apart = apart[np.isfinite(apart)]
+    size = float(np.sqrt(np.mean(prediction(data, chosen).log_ratio[0] ** 2)))
+    return bool(len(apart)) and float(np.median(apart)) > max(_EXACT, _SHARE * size)
 
 
 def read_back(structure: Structure) -> Model:

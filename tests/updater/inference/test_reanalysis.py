@@ -10,7 +10,7 @@ from daq import FloatArray
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Reference, build_model, learn_reference, stack_tracks
-from updater.inference import Comparison, Tangent, compare, no_effect, picked, predict, reanalyse
+from updater.inference import Comparison, Tangent, compare, mixing_of, no_effect, picked, predict, reanalyse
 
 TRACK = np.arange(8)
 
@@ -70,6 +70,30 @@ def test_derivatives_match_finite_differences(seed: int) -> None:
     signed = [v * np.sign((v * picked(changed)[1]).sum(1, keepdims=True)) for v in (plus[1], minus[1])]
     difference = (signed[0] - signed[1]) / (2 * h)
     np.testing.assert_allclose(d_vector, difference, atol=1e-5 * np.abs(difference).max())
+
+
+def test_error_of_an_unmeasured_frequency_in_modes_that_a_change_mixes() -> None:
+    """Frequencies and shapes of the compared modes, against a model of which one such frequency is 1e-5 higher."""
+    random = np.random.default_rng(8)
+    _, data = compared(2)
+    root = random.standard_normal((len(data.frequency), 3)) / (2 * np.pi * data.frequency)[:, None]
+    effect = replace(no_effect(1, data), compliance=(0.1 * root @ root.T)[None])
+    found, h = mixing_of(data, effect, data.paired, 1.0), 1e-5
+    others = np.setdiff1d(np.arange(len(data.frequency)), data.paired)
+    assert len(found.log_frequency) == len(others)
+    for number in (0, len(others) // 2):
+        ends = []
+        for step in (-h, h):
+            frequency = data.frequency.copy()
+            frequency[others[number]] *= np.exp(step)
+            value, vector = picked(reanalyse(replace(data, frequency=frequency), effect))
+            ends.append((-0.5 * np.log(value[0]), vector[0]))
+        (low, before), (high, after) = ends
+        np.testing.assert_allclose(found.log_frequency[number, data.paired], (high - low) / (2 * h), atol=1e-6)
+        now = found.shape[:, data.paired]
+        turned = (after * np.sign((after * now).sum(0)) - before * np.sign((before * now).sum(0))) / (2 * h)
+        np.testing.assert_allclose(found.turned[number][:, data.paired], turned, atol=1e-5 * np.abs(turned).max())
+    assert np.abs(found.log_frequency).max() > 0.01
 
 
 def test_negative_flexibility_is_treated_as_very_stiff() -> None:

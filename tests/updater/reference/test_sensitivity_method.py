@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
 
 from daq import FloatArray
@@ -59,6 +60,36 @@ def test_linear_problem_has_the_gaussian_posterior(seed: int) -> None:
     gain = found[2.0].log_evidence - found[0.5].log_evidence
     assert gain == pytest.approx(marginal[2.0] - marginal[0.5], abs=1e-5)
     assert found[2.0].converged
+
+
+def test_residual_of_a_datum_that_is_left_out_is_that_of_a_fit_without_it() -> None:
+    """Of a linear problem with a prior exactly; the fit to all data has far smaller residuals."""
+    random = np.random.default_rng(7)
+    matrix, goal = random.standard_normal((6, 9)), 3 * random.standard_normal(6)
+    found = fit_parameters(Linear(matrix, goal), prior(9, 2.0))
+    for i, left_out in enumerate(found.left_out):
+        others = np.delete(matrix, i, axis=0), np.delete(goal, i)
+        value = fit_parameters(Linear(*others), prior(9, 2.0)).value
+        assert left_out == pytest.approx(matrix[i] @ value - goal[i], rel=1e-5)
+    assert np.abs(matrix @ found.value - goal).max() < 0.3 * np.abs(found.left_out).max()
+
+
+def test_damped_steps_end_when_they_gain_nothing() -> None:
+    """A curved valley with large residuals, in which Gauss-Newton steps go too far: within 1e-3 of the least cost."""
+
+    class Curved(Linear):
+        def residual(self, x: FloatArray) -> FloatArray:
+            return np.array([5 + 10 * (x[1] - x[0] ** 2), 4 - x[0], 4 + 0.1 * x[0] * x[1]])
+
+        def slope(self, x: FloatArray) -> FloatArray:
+            return np.array([[-20 * x[0], 10.0], [-1.0, 0.0], [0.1 * x[1], 0.1 * x[0]]])
+
+    found = fit_parameters(Curved(np.eye(2), np.zeros(2)), prior(2, 10.0, start=-1.2))
+    problem = Curved(np.eye(2), np.zeros(2))
+    least = minimize(lambda x: (problem.residual(x) ** 2).sum() + (x**2).sum() / 100, found.value, tol=1e-10).fun
+    print(found.iterations, found.chi_square, least)
+    assert found.chi_square < least + 1e-3
+    assert found.iterations < 50  # 58 with a damping that falls after every step, and no end before 1e-6 of the cost
 
 
 def test_parameter_is_limited_by_its_bound_and_reported() -> None:

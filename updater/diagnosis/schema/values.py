@@ -7,7 +7,14 @@ from updater.quantities import Breathing, ParameterChange, PlainValue, Quantity,
 Verdict = Literal["nothing_to_explain", "explained", "ambiguous", "unexplained"]
 Reason = Literal["poor_fit", "uniform_shift", "no_change_fits_as_well", "worse_model_only", "less_probable"]
 Situation = Literal[
-    "no_change", "unsteady", "scattered_mass", "widespread_stiffness", "worse_model", "unfit_model", "insignificant"
+    "no_change",
+    "unsteady",
+    "scattered_mass",
+    "widespread_stiffness",
+    "worse_model",
+    "unfit_model",
+    "insignificant",
+    "other_model",
 ]
 
 
