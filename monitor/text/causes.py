@@ -452,11 +452,18 @@ def mass_text(answer: MassAnswer) -> str:
 def _place_text(place: MassAnswer | OtherPlace) -> str:
     what = "added" if place.mass > 0 else "removed"
     x, y, z = place.position
+    joint = f", {at_place(place.joint)}" if place.joint else ""
     share = f" ({share_text(place.probability)})" if isinstance(place, OtherPlace) else ""
     return (
         f"{number_text(1000 * abs(place.mass), 1000 * place.mass_std)} g {what} on the {place.member} "
-        f"at ({x:.3f}, {y:.3f}, {z:.3f}) m ± {1000 * place.position_std:.0f} mm{share}"
+        f"at ({x:.3f}, {y:.3f}, {z:.3f}) m ± {1000 * place.position_std:.0f} mm{joint}{share}"
     )
+
+
+def member_share_text(answer: MassAnswer) -> str:
+    """Return the probability that a mass is on its member, or at its joint."""
+    there = at_place(answer.joint) if answer.joint else f"on the {answer.member}"
+    return f"{share_text(answer.member_probability)} that it is {there}"
 
 
 def forecast_text(forecast: "AccuracyForecast", mass_std: float) -> str:
