@@ -91,7 +91,7 @@ def _check_channels(series: ModalSeries, structure_text: str) -> None:
     if strange and not series.has_shapes:
         raise LogError(series.path, "has no shapes, by which modes are paired with the model: use a site without one")
     if strange:
-        raise LogError(series.path, f"shape at {no_sensor_text(strange[0], known, 'the structure')}")
+        raise LogError(series.path, f"shape: {no_sensor_text(strange[0], known, 'the structure')}")
 
 
 def _devices(series: ModalSeries) -> list[DeviceSettings]:
