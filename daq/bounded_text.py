@@ -1,15 +1,18 @@
-"""Text from files of others: TOML and JSON of bounded size and depth, and text that is safe to print."""
+"""Text from files of others: TOML and JSON of bounded size and depth, names that were meant, text safe to print."""
 
+import difflib
 import json
 import re
 import tomllib
 import unicodedata
+from collections.abc import Iterable
 from typing import Any
 
 _MAX_CHARACTERS = 64_000_000  # of a text that is parsed
 _MAX_DEPTH = 64  # of tables and lists
 _MAX_INTEGER = (1 << 64) - 1  # times and counters are less
 _MAX_LINE = 1000  # characters of an error
+_MIN_BEGINNING = 2  # letters of a word from which on they represent it
 _TAIL = 250  # of them from the end of the text
 _UNSAFE = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")  # Unicode categories: control, bidirectional, surrogate, ...
 
@@ -64,6 +67,19 @@ def parse_json(text: str | bytes) -> Any:  # noqa: ANN401 - any JSON value
         raise ValueError(_TOO_DEEP) from error
     _check_values(content)
     return content
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """Return the question whether another word was meant: one that is cut short, or spelt nearly so, in any case.
+
+    Of dotted words the last part is compared with a word without a dot.
+    """
+    by_lower: dict[str, str] = {}
+    for name in known:
+        by_lower.setdefault((name if "." in word else name.rpartition(".")[2]).lower(), name)
+    begun = [name for name in by_lower if len(word) >= _MIN_BEGINNING and name.startswith(word.lower())]
+    near = [min(begun, key=len)] if begun else difflib.get_close_matches(word.lower(), by_lower, 1)
+    return f", did you mean {by_lower[near[0]]!r}?" if near else ""
 
 
 _TOO_DEEP = f"expected tables and lists nested up to {_MAX_DEPTH} deep, found more"

@@ -26,7 +26,8 @@ from oma.spectral import singular_values_of_clean
 from updater import MassChange, ModalMean, Model, Reference, Structure, build_model
 from updater.modal_data import BaselineModes, real_shape
 from updater.one_step import IncrementLocation, MassUpdate
-from updater.quantities import vector
+from updater.quantities import Vector, vector
+from updater.structure import place_name
 
 _SPECTRUM_POINTS = 1024
 _TINY = 1e-12  # of a shape of unit norm
@@ -221,10 +222,17 @@ def mass_answer(structure: Structure, change: MassChange, n_windows: int, outloo
                 mass=a.mass,
                 mass_std=a.mass_std,
                 probability=a.probability,
+                joint=_joint(structure, a.members, vector(at[a.member](a.distance))),
             )
             for a in change.alternatives[1:]
         ],
+        joint=_joint(structure, change.alternatives[0].members, vector(at[change.member](change.distance))),
     )
+
+
+def _joint(structure: Structure, members: Sequence[str], position: Vector) -> str:
+    """Return the name of the joint or foot that a place [m] on several members is; empty for one on a single member."""
+    return place_name(structure, position) if len(members) > 1 else ""
 
 
 def increment_result(update: MassUpdate, n_windows: int) -> MassIncrements:

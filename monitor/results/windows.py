@@ -155,6 +155,7 @@ class OtherPlace(_Result):
     mass: float  #: mass at this place [kg]
     mass_std: Number  #: [kg]
     probability: float  #: probability of the place [-]
+    joint: str = ""  #: name of the joint or foot that the place is, where members meet; empty on one member
 
 
 class MassAnswer(_Result):
@@ -166,12 +167,13 @@ class MassAnswer(_Result):
     mass: float  #: [kg]
     mass_std: Number  #: [kg]
     region: list[Interval]  #: 95 % credible region
-    member_probability: float  #: probability that it is on this member [-]
+    member_probability: float  #: probability that it is on this member, or at `joint` [-]
     p_value: Number  #: probability of a worse fit if a mass is the cause [-]
     n_windows: int  #: number of windows used
     profile: list[ProfilePoint]
     outlook: str = ""  #: accuracy with more windows, and its limit
     others: list[OtherPlace] = []  #: other possible places, such as the mirror image on a symmetric frame
+    joint: str = ""  #: name of the joint or foot that the place is, where members meet; empty on one member
 
 
 class FlaggedDof(_Result):

@@ -7,11 +7,12 @@ from socket import gethostname
 from typing import TYPE_CHECKING
 
 from daq import driver_names, make_driver
+from daq.bounded_text import meant
 from monitor.errors import SettingsError
-from monitor.settings import Settings, attachable, nearest, overrides, read_settings
+from monitor.settings import Settings, attachable, overrides, read_settings
 from monitor.settings.redaction import revealed
 from updater import load_structure
-from updater.structure import meant, portable_text
+from updater.structure import no_sensor_text, portable_text
 
 if TYPE_CHECKING:
     from monitor.outputs.history import Writer
@@ -89,7 +90,7 @@ def load_site(path: Path, given: Sequence[str] = ()) -> Site:
         try:
             make_driver(device.driver, device.place, device.rate)
         except ValueError as error:
-            near = "" if device.driver in driver_names() else nearest(device.driver, driver_names())
+            near = "" if device.driver in driver_names() else meant(device.driver, driver_names())
             raise SettingsError(path, f"device {device.name!r}: {error}{near}") from error
     return Site(
         path=path,
@@ -105,8 +106,5 @@ def _structure_text(path: Path, settings: Settings, name: str) -> str:
     known = load_structure(structure_path).channels
     for channel in settings.channels:
         if channel.name not in known:
-            names, near = ", ".join(known), meant(channel.name, known)
-            raise SettingsError(
-                path, f"channel {channel.name!r} is no sensor of {structure_path}{near}; there are {names}"
-            )
+            raise SettingsError(path, f"channel {no_sensor_text(channel.name, known, structure_path)}")
     return portable_text(structure_path)

@@ -12,7 +12,6 @@ from monitor.settings.overrides import Override as Override
 from monitor.settings.overrides import overridden as overridden
 from monitor.settings.overrides import overrides as overrides
 from monitor.settings.reading import load_settings as load_settings
-from monitor.settings.reading import nearest as nearest
 from monitor.settings.reading import parse_settings as parse_settings
 from monitor.settings.reading import read_settings as read_settings
 from monitor.settings.schema import AnalysisSettings as AnalysisSettings

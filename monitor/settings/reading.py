@@ -1,6 +1,5 @@
 """Reading and checking of SITE.toml; errors name file and key."""
 
-import difflib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, SecretStr, ValidationError
 
 from daq import CanAddress
-from daq.bounded_text import parse_toml
+from daq.bounded_text import meant, parse_toml
 from daq.drivers import CanPlace, DaqmxAddress
 from daq.log import HOW_TO_PLACE
 from monitor.errors import SettingsError
@@ -149,7 +148,7 @@ def _explained(error: ValidationError, path: Path | str, origins: Mapping[tuple[
 
 def _what(first: Any, place: tuple[str, ...]) -> str:  # noqa: ANN401 - one of pydantic's errors
     if first["type"] == _NO_SUCH:
-        return "no such setting" + nearest(place[-1], _near(place))
+        return "no such setting" + meant(place[-1], _near(place))
     if first["type"] == "missing":
         return "is missing"
     message = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
@@ -161,7 +160,7 @@ def _what(first: Any, place: tuple[str, ...]) -> str:  # noqa: ANN401 - one of p
         else f"{message.partition(', unable')[0]}, found {first['input']!r:.80}"
     )
     if first["type"] == "literal_error":
-        return found + nearest(str(first["input"]), re.findall(r"'([^']*)'", first["ctx"]["expected"]))
+        return found + meant(str(first["input"]), re.findall(r"'([^']*)'", first["ctx"]["expected"]))
     return found
 
 
@@ -185,13 +184,6 @@ def _holds_secrets(annotation: Any) -> bool:  # noqa: ANN401 - any annotation of
     return annotation is SecretStr or any(map(_holds_secrets, get_args(annotation)))
 
 
-def nearest(word: str, known: Sequence[str]) -> str:
-    """Return the question whether another word was meant; the last part of dotted ones is compared."""
-    by_end = {name.rpartition(".")[2]: name for name in reversed(known)}
-    near = difflib.get_close_matches(word, by_end, 1)
-    return f", did you mean {by_end[near[0]]!r}?" if near else ""
-
-
 def _near(place: tuple[str, ...]) -> list[str]:
     """Return the settings of the section that a place is in; where none is near, those of all sections in full."""
     section: type[BaseModel] | None = Settings
@@ -199,7 +191,7 @@ def _near(place: tuple[str, ...]) -> list[str]:
         if section is not None and not key.isdigit():
             section = section_of(section.model_fields[key].annotation) if key in section.model_fields else None
     own = list(section.model_fields) if section else []
-    return own if nearest(place[-1], own) else list(_all_keys(Settings))
+    return own if meant(place[-1], own) else list(_all_keys(Settings))
 
 
 def _all_keys(section: type[BaseModel], prefix: str = "") -> Iterator[str]:

@@ -1,7 +1,7 @@
 """Findings in sentences: shared by the loop, the report, the viewer and the terminal."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,7 +48,8 @@ _COARSE, _METRES = 5e-4, 1.0  # m of a place's deviation: limit of whole mm, lim
 _WARMER = "warmer"  # parameter of a change of temperature [K]
 _OFFSET = "offset_"  # parameters of a body that are shown if significant
 _MANY, _FEW = 6, 3  # parameters of a cause: above so many, so many are given in a line
-_MAX_NAMED = 4  # places of one kind that are named; more are counted
+_MAX_NAMED = 4  # places that are named; more are counted if all are of one kind, ...
+_FEW_NAMED = 3  # ... else so many are named
 _SAME_ERROR = 0.02  # relative difference of errors of frequencies that are those of the same prediction
 _LARGE = 10.0  # kg: smaller masses are given in grams
 CLEAR_ODDS = 5.0  #: log evidence above which only one interpretation of the residual forces is shown
@@ -158,21 +159,35 @@ def further_changes_text(changes: Sequence[ParameterChange]) -> str:
     """Return the names of parameters within two deviations of the file in one line, by place; empty if there are none.
 
     Such as `within two deviations of the file: rotational stiffness about x, z at the foot of the left post`. Places
-    with the same quantities are named together, and counted if they are many.
+    with the same quantities are named together, and counted if they are many and of one kind. Of many places of several
+    kinds those that are farthest from the file are named.
     """
     if not changes:
         return ""
     axes: dict[str, dict[str, list[str]]] = {}
+    farthest: dict[str, float] = {}
     for change in changes:
         what, about, axis = change.quantity.rpartition(" about ")
         place = _named_quantity(change).removeprefix(change.quantity)
         axes.setdefault(place, {}).setdefault(f"{what}{about}" or axis, []).append(axis if what else "")
+        farthest[place] = max(farthest.get(place, 0.0), change.deviations)
+    found = _by_quantities(axes)
+    more = ""
+    if len(axes) > _MAX_NAMED and not (len(found) == 1 and _kind(axes)):
+        named = sorted(axes, key=lambda place: -farthest[place])[:_FEW_NAMED]
+        found = _by_quantities({place: axes[place] for place in axes if place in named})
+        more = f"; and {len(axes) - len(named)} more"
+    return f"within two deviations of the file: {'; '.join(w + _places_text(p) for w, p in found.items())}{more}"
+
+
+def _by_quantities(axes: Mapping[str, Mapping[str, Sequence[str]]]) -> dict[str, list[str]]:
+    """Return the places that have the same quantities, each with its axes."""
     places: dict[str, list[str]] = {}
     for place, found in axes.items():
         once = {what: dict.fromkeys(filter(None, about)) for what, about in found.items()}  # two joints at one place
         quantities = " and ".join(f"{what}{', '.join(about)}" for what, about in once.items())
         places.setdefault(quantities, []).append(place)
-    return f"within two deviations of the file: {'; '.join(w + _places_text(p) for w, p in places.items())}"
+    return places
 
 
 def uncertain_text(changes: Sequence[ParameterChange]) -> str:
@@ -185,10 +200,14 @@ def uncertain_text(changes: Sequence[ParameterChange]) -> str:
 
 def _places_text(places: Sequence[str]) -> str:
     """Return places, each with its preposition; the number of feet or joints if they are many."""
-    for begins, kind in ((" at the foot of", "feet"), (" at the joint of", "joints")):
-        if len(places) > _MAX_NAMED and all(place.startswith(begins) for place in places):
-            return f" at {len(places)} {kind}"
-    return ",".join(places)
+    kind = _kind(places) if len(places) > _MAX_NAMED else ""
+    return f" at {len(places)} {kind}" if kind else ",".join(places)
+
+
+def _kind(places: Iterable[str]) -> str:
+    """Return what all of some places are, `feet` or `joints`; empty if they differ."""
+    kinds = ((" at the foot of", "feet"), (" at the joint of", "joints"))
+    return next((kind for begins, kind in kinds if all(place.startswith(begins) for place in places)), "")
 
 
 def _changed_texts(cause: FittedCause) -> list[tuple[str, str]]:
@@ -452,11 +471,18 @@ def mass_text(answer: MassAnswer) -> str:
 def _place_text(place: MassAnswer | OtherPlace) -> str:
     what = "added" if place.mass > 0 else "removed"
     x, y, z = place.position
+    joint = f", {at_place(place.joint)}" if place.joint else ""
     share = f" ({share_text(place.probability)})" if isinstance(place, OtherPlace) else ""
     return (
         f"{number_text(1000 * abs(place.mass), 1000 * place.mass_std)} g {what} on the {place.member} "
-        f"at ({x:.3f}, {y:.3f}, {z:.3f}) m ± {1000 * place.position_std:.0f} mm{share}"
+        f"at ({x:.3f}, {y:.3f}, {z:.3f}) m ± {1000 * place.position_std:.0f} mm{joint}{share}"
     )
+
+
+def member_share_text(answer: MassAnswer) -> str:
+    """Return the probability that a mass is on its member, or at its joint."""
+    there = at_place(answer.joint) if answer.joint else f"on the {answer.member}"
+    return f"{share_text(answer.member_probability)} that it is {there}"
 
 
 def forecast_text(forecast: "AccuracyForecast", mass_std: float) -> str:

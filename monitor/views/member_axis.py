@@ -1,10 +1,10 @@
 """Members laid end to end on one axis, for curves along them."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 from monitor.results.windows import MassAnswer, ProfilePoint, ReferenceResult
 from updater.quantities import Vector
 
@@ -65,6 +65,21 @@ class Unrolled:
         """Return where positions (..., 3) on a member are on the line (...) [m]."""
         return np.asarray(self.offset[member] + np.linalg.norm(position - self.start[member], axis=-1))
 
+    def names(self, character: float, most: int) -> list[tuple[str, float, int]]:
+        """Return members, their middles on the line [m] and the rows of their names, so that names do not overlap.
+
+        Names without room are left out.
+
+        Parameters
+        ----------
+        character : width of a character on the line [m]
+        most : number of rows
+        """
+        middle = np.array([self.offset[member] + length / 2 for member, length in self.length.items()])
+        rows = label_rows(middle, list(self.length), character, most)
+        named = zip(self.length, middle.tolist(), rows.tolist(), strict=True)
+        return [(member, place, row) for member, place, row in named if row >= 0]
+
     def ticks(self) -> Iterator[tuple[float, str]]:
         """Return places on the line and the distance from the member's start there."""
         step = self.total / 10
@@ -80,6 +95,27 @@ def ticks(low: float, high: float, most: int) -> FloatArray:
     step = power * _TICK_STEPS[np.searchsorted(_TICK_STEPS, rough / power - 1e-9)]
     first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
     return np.asarray(np.arange(first, last + 1) * step + 0.0)  # no negative zero
+
+
+def label_rows(middle: FloatArray, labels: Sequence[str], character: float, most: int) -> IndexArray:
+    """Return the row (n,) of each label, the first with room; -1 where none has.
+
+    Parameters
+    ----------
+    middle : (n,) places of the labels, ascending
+    labels : (n,) texts
+    character : width of a character; a label has one more than its text
+    most : number of rows
+    """
+    half = 0.5 * character * np.array([len(label) + 1 for label in labels])
+    end = np.full(most, -np.inf)
+    rows = np.full(len(middle), -1)
+    for i, (start, stop) in enumerate(zip(middle - half, middle + half, strict=True)):
+        free = np.flatnonzero(end <= start)
+        if len(free):
+            rows[i] = free[0]
+            end[free[0]] = stop
+    return rows
 
 
 def side_by_side(places: FloatArray, apart: float, end: float) -> FloatArray:

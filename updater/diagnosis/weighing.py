@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from daq import FloatArray
+from daq.bounded_text import meant
 from updater.causes import (
     CATALOGUE,
     Cause,
@@ -25,7 +26,6 @@ from updater.errors import SelectionError
 from updater.inference import Comparison, Fit, evaluate, fit, refined_fit
 from updater.quantities import SIGNIFICANT
 from updater.reference import Reference
-from updater.structure import meant
 
 T = TypeVar("T")
 JointKey = tuple[Comparison, Cause, tuple[Hashable, ...]]  #: data, the free cause, and the alternatives of the others

@@ -37,6 +37,11 @@ class PositionPosterior:
     scale: float = 1.0  #: size of the structure over the usual one
     resolution: float = 0.0  #: distance between positions where they are closest [m]
 
+    @property
+    def apart(self) -> float:
+        """Distance below which two places are one [m]."""
+        return self.scale * _APART
+
     @cached_property
     def intervals(self) -> list[tuple[int, float, float]]:
         """Stretches (member, from, to) of highest density that hold 95 % [m]."""
@@ -50,7 +55,7 @@ class PositionPosterior:
         Each position therefore counts for the nearest stretch of the region on its member, and every place has its own
         figures. Probability on members outside the region belongs to no place.
         """
-        stretches = _merged(self.intervals, self.scale * _APART)
+        stretches = _merged(self.intervals, self.apart)
         owner = _nearest(stretches, self.member, self.position)
         found = []
         for number, (m, a, b) in enumerate(stretches):
@@ -58,10 +63,30 @@ class PositionPosterior:
             found.append(Place(member=m, start=a, stop=b, probability=float(own.sum()), share=own / own.sum()))
         return sorted(found, key=lambda place: -place.probability)
 
+    @property
+    def separate_places(self) -> list[list[Place]]:
+        """Places by their position in space, the most probable first: near a joint those on its members are one.
+
+        Each is a list, the most probable place first.
+        """
+        separate: list[list[Place]] = []
+        for place in self.places:
+            at = self.point(place)
+            near = (places for places in separate if np.linalg.norm(self.point(places[0]) - at) < self.apart)
+            if (there := next(near, None)) is None:
+                separate.append([place])
+            else:
+                there.append(place)
+        return sorted(separate, key=lambda places: -sum(place.probability for place in places))
+
     def distance(self, place: Place) -> tuple[float, float]:
         """Return mean and standard deviation of the distance from the member's start at a place [m]."""
         mean = float(place.share @ self.position)
         return mean, float(np.sqrt(place.share @ (self.position - mean) ** 2 + self.resolution**2 / 12))
+
+    def point(self, place: Place) -> FloatArray:
+        """Return the mean of a place in space (3,) [m]."""
+        return self.members[place.member].point(self.distance(place)[0])
 
     def region(self, half: FloatArray | None = None) -> tuple[tuple[Vector, Vector], ...]:
         """Return the ends of the intervals in space [m].
@@ -80,11 +105,9 @@ class PositionPosterior:
     def where(self) -> Where:
         """Mean of the most probable place, and the region."""
         place = self.places[0]
-        distance, std = self.distance(place)
+        _, std = self.distance(place)
         member = self.members[place.member]
-        return Where(
-            member=member.name, position=vector(member.point(distance)), position_std=std, region=self.region()
-        )
+        return Where(member=member.name, position=vector(self.point(place)), position_std=std, region=self.region())
 
 
 def credible(

@@ -1,5 +1,6 @@
 """Place and size of one added mass: the posterior over all positions."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,9 +28,14 @@ class Stretch:
 
 @dataclass(frozen=True, kw_only=True)
 class Alternative:
-    """One possible place of the mass, and the mass there."""
+    """One possible place of the mass, and the mass there.
+
+    Near a joint the places on the members that meet there are one place: figures are those of the most probable of
+    them, the probability is that of all.
+    """
 
     member: str
+    members: tuple[str, ...]  #: members that it may be on, `member` first: more than one near a joint
     distance: float  #: distance from the member's start [m]
     distance_std: float  #: [m]
     mass: float  #: [kg]
@@ -64,7 +70,7 @@ class MassChange:
     body: BodyShape
     alternatives: tuple[Alternative, ...]
     region: tuple[Stretch, ...]  #: 95 % credible
-    member_probability: float  #: probability that it is on this member [-]
+    member_probability: float  #: probability that it is on this member, or near a joint that it is at this place [-]
     p_value: float  #: chance of a worse fit if one added mass is the cause [-]
     model_error: float  #: model error that was used, relative to a mode's typical displacement [-]
     tracks: IndexArray  #: (n,) modes of the baseline that entered
@@ -113,23 +119,24 @@ def mass_change(found: Fit[AddedMass], model_error: float) -> MassChange:
     cause, probability = found.hypotheses, found.probability
     names = [member.name for member in cause.reference.structure.member]
     posterior = cause.posterior(found)
-    open_places = posterior.places
+    separate = posterior.separate_places
     alternatives = tuple(
-        _alternative(found, posterior, place)
-        for place in open_places
-        if place is open_places[0] or place.probability >= _WORTH_SAYING
+        _alternative(found, posterior, places)
+        for places in separate
+        if places is separate[0] or _probability(places) >= _WORTH_SAYING
     )
-    first = alternatives[0]
+    first, likeliest = alternatives[0], separate[0][0]
+    on_member = float(probability[cause.member == likeliest.member].sum())
     return MassChange(
         member=first.member,
         distance=first.distance,
         distance_std=first.distance_std,
         mass=first.mass,
         mass_std=first.mass_std,
-        body=_shape(found, open_places[0]),
+        body=_shape(found, likeliest),
         alternatives=alternatives,
         region=tuple(Stretch(member=names[m], start=a, stop=b) for m, a, b in posterior.intervals),
-        member_probability=min(float(probability[cause.member == open_places[0].member].sum()), 1.0),
+        member_probability=min(max(on_member, first.probability), 1.0),
         p_value=found.p_value,
         model_error=model_error,
         tracks=cause.comparison.tracks,
@@ -140,16 +147,23 @@ def mass_change(found: Fit[AddedMass], model_error: float) -> MassChange:
     )
 
 
-def _alternative(found: Fit[AddedMass], posterior: PositionPosterior, place: Place) -> Alternative:
+def _probability(places: Sequence[Place]) -> float:
+    return sum(place.probability for place in places)
+
+
+def _alternative(found: Fit[AddedMass], posterior: PositionPosterior, places: Sequence[Place]) -> Alternative:
+    """Return places next to one another as one, the most probable first."""
+    place, members = places[0], [posterior.members[place.member].name for place in places]
     distance, distance_std = posterior.distance(place)
     mass, mass_std = found.hypotheses.mass(found, place)
     return Alternative(
-        member=posterior.members[place.member].name,
+        member=members[0],
+        members=tuple(dict.fromkeys(members)),
         distance=distance,
         distance_std=distance_std,
         mass=mass,
         mass_std=mass_std,
-        probability=place.probability,
+        probability=_probability(places),
     )
 
 

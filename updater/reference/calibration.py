@@ -15,6 +15,7 @@ from scipy import sparse
 from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, IndexArray
+from daq.bounded_text import meant
 from oma import pair_modes
 from oma.tracking import mac_of_moving
 from updater.errors import PairingError
@@ -43,7 +44,6 @@ from updater.structure import (
     is_of,
     is_rigid,
     joint_zones,
-    meant,
     model_parameters_of,
     physical_unit,
     physical_value,

@@ -2,7 +2,6 @@
 
 from updater.structure.base import ON_MEMBER as ON_MEMBER
 from updater.structure.base import Vector as Vector
-from updater.structure.base import meant as meant
 from updater.structure.entries import AXES as AXES
 from updater.structure.entries import Axis as Axis
 from updater.structure.entries import Body as Body
@@ -44,6 +43,7 @@ from updater.structure.place_names import place_name as place_name
 from updater.structure.section_shapes import Section as Section
 from updater.structure.sensors import Correction as Correction
 from updater.structure.sensors import Sensor as Sensor
+from updater.structure.sensors import no_sensor_text as no_sensor_text
 from updater.structure.sensors import sensor_axes as sensor_axes
 from updater.structure.structure import Structure as Structure
 from updater.structure.structure import extent as extent

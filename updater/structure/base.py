@@ -1,10 +1,11 @@
 """Base model of the entries of structure.toml: frozen, unknown keys are errors."""
 
-import difflib
 from collections.abc import Collection
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+
+from daq.bounded_text import meant
 
 _LARGEST = 1e30  # of any figure: products of them stay numbers
 _SMALLEST = 1e-30  # of a positive one: their quotients too
@@ -39,17 +40,6 @@ class Entry(BaseModel):
     """One table of structure.toml."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, allow_inf_nan=False)
-
-
-_MIN_BEGINNING = 2  # letters of a word from which on they represent it
-
-
-def meant(word: str, known: Collection[str]) -> str:
-    """Return the question whether another word was meant: one that is cut short, or spelt nearly so, in any case."""
-    by_lower = {name.lower(): name for name in known}
-    begun = [name for name in by_lower if len(word) >= _MIN_BEGINNING and name.startswith(word.lower())]
-    near = begun or difflib.get_close_matches(word.lower(), by_lower, 1)
-    return f", did you mean {by_lower[near[0]]!r}?" if near else ""
 
 
 def not_known(word: str, known: Collection[str]) -> str:

@@ -18,7 +18,8 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from daq import FloatArray
-from updater.structure.base import Entry, Positive, meant, not_known
+from daq.bounded_text import meant
+from updater.structure.base import Entry, Positive, not_known
 
 _NU = 0.3
 _AROUND = 16  # points about a round section: between two of them the stress is at most 2 % larger

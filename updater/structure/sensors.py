@@ -1,5 +1,6 @@
 """Sensors as mounted, and known corrections of their channels."""
 
+from collections.abc import Collection
 from functools import lru_cache
 from typing import Literal, Self
 
@@ -7,6 +8,7 @@ import numpy as np
 from pydantic import model_validator
 
 from daq import FloatArray
+from daq.bounded_text import meant
 from updater.structure.base import Entry, Number, Vector
 
 
@@ -30,6 +32,18 @@ class Sensor(Entry):
             return self
         gain = self.gain * correction.gain * correction.sign
         return self.model_copy(update={"channel": correction.channel or self.channel, "gain": gain})
+
+
+def no_sensor_text(channel: str, known: Collection[str], where: object) -> str:
+    """Return the error for a channel that is no sensor of a structure, with the nearest one and all of them.
+
+    Parameters
+    ----------
+    channel : its name
+    known : channels of the structure
+    where : structure, or its file
+    """
+    return f"{channel!r} is no sensor of {where}{meant(channel, known)}; there are {', '.join(known)}"
 
 
 class Correction(Entry):

@@ -3,7 +3,6 @@
 cantools only parses: numbers are taken out of frames by the block (`daq.protocol.can_signals`).
 """
 
-import difflib
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -14,6 +13,7 @@ import daq.protocol.can_library  # noqa: F401, isort: skip - python-can without 
 from cantools.database import Database, Message, Signal, load_string
 from cantools.errors import Error
 
+from daq.bounded_text import meant
 from daq.drivers.base import DbcSensor
 from daq.errors import DbcError
 from daq.protocol.can_scan import LARGEST_COUNT, LONGEST_COUNTER, MIN_COUNT, ScanLayout, ScanMessage
@@ -114,8 +114,9 @@ def _signal(path: Path, messages: Iterable[Message], name: str) -> _Found:
     """Return the one signal that SIGNAL or MESSAGE.SIGNAL means."""
     found = _named(messages, name)
     if not found:
-        near = _near(name, messages)
-        raise DbcError(path, f"has no signal {name!r}" + (f", did you mean {near!r}?" if near else ""))
+        names = [signal.name for message in messages for signal in message.signals]
+        full = [f"{message.name}.{signal.name}" for message in messages for signal in message.signals]
+        raise DbcError(path, f"has no signal {name!r}{meant(name, full if '.' in name else names)}")
     if len(found) > 1:
         several = ", ".join(f"{message.name}.{signal.name}" for message, signal in found)
         raise DbcError(path, f"signal {name!r} could be any of {several}: name the message too")
@@ -131,14 +132,6 @@ def _named(messages: Iterable[Message], name: str) -> list[_Found]:
         for signal in message.signals
         if signal.name == signal_name and message_name in ("", message.name)
     ]
-
-
-def _near(name: str, messages: Iterable[Message]) -> str | None:
-    """Return the signal that is most like a name, spelled as that one is."""
-    full = [f"{message.name}.{signal.name}" for message in messages for signal in message.signals]
-    known = full if "." in name else [known.rpartition(".")[2] for known in full]
-    lower = {word.lower(): word for word in known}
-    return next((lower[word] for word in difflib.get_close_matches(name.lower(), lower, 1)), None)
 
 
 def _in_order(path: Path, messages: list[Message], order: tuple[str, ...]) -> list[Message]:

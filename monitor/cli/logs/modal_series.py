@@ -23,6 +23,7 @@ from monitor.settings import (
     parse_settings,
 )
 from monitor.watch.pipeline import Pipeline
+from updater.structure import no_sensor_text
 
 _DEVICE = "series"
 _SECONDS = (1.0, 1e6)  # least and most from one row to the next
@@ -90,9 +91,7 @@ def _check_channels(series: ModalSeries, structure_text: str) -> None:
     if strange and not series.has_shapes:
         raise LogError(series.path, "has no shapes, by which modes are paired with the model: use a site without one")
     if strange:
-        raise LogError(
-            series.path, f"shape at {strange[0]}: is no sensor of the structure; there are {', '.join(known)}"
-        )
+        raise LogError(series.path, f"shape: {no_sensor_text(strange[0], known, 'the structure')}")
 
 
 def _devices(series: ModalSeries) -> list[DeviceSettings]:

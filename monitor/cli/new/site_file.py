@@ -62,6 +62,13 @@ def write_site(
         raise ArgumentError("STRUCTURE.toml", f"{structure} has no sensors")
     drivers = [name for name in driver_names() if name not in _NOT_OFFERED]
     driver = driver or asked("--driver", "driver of the devices", drivers)
+    if driver == "replay":
+        raise ArgumentError(
+            "--driver",
+            "replay plays a log, which has devices of its own: `modalwatch import FILES -o run.mcap --structure "
+            f"{structure} --new-site {path}` writes the settings of files of measurements; a log of `run` has its "
+            "settings attached: `modalwatch replay run.mcap`",
+        )
     if driver not in drivers:
         raise ArgumentError("--driver", f"expected one of {', '.join(drivers)}, found {driver!r}")
     if len(ports) > len(places):

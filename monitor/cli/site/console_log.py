@@ -64,6 +64,9 @@ def _window_line(window: WindowResult) -> str:
         text += f"; no data: {', '.join(window.faults)}"
     if window.sensors:
         text += f"; {health_text(window.sensors)}"
+    learning = window.learning
+    if learning and learning.windows >= learning.target:  # a calibration of the model takes seconds to minutes
+        text += f"; computing the reference from {learning.windows} windows ..."
     return f"{text}, {change_text(window.diagnosis)}" if window.diagnosis else text
 
 

@@ -25,6 +25,7 @@ from monitor.text.causes import (
     increment_text,
     lost_modes_text,
     mass_text,
+    member_share_text,
     other_texts,
     parameter_texts,
     predicted_text,
@@ -43,7 +44,7 @@ from monitor.text.diagnosis import (
     within_record_text,
 )
 from monitor.text.modal_change import modal_change_text
-from monitor.text.quantities import optional, share_text, utc
+from monitor.text.quantities import optional, utc
 from monitor.text.sensors import health_rows
 from monitor.text.verdicts import accepted_text, headline, is_one_mass, last_state, verdict_text
 from monitor.views.report import fit_figures as fits
@@ -127,8 +128,7 @@ def _facts(run: Run) -> list[tuple[str, str]]:
     answer = last_answer(run_results)
     if answer:
         facts.append(("Position and size", mass_text(answer)))
-        sure = f"{share_text(answer.member_probability)} that it is on the {answer.member}"
-        facts.append(("Probability", f"{sure}; {fit_text(answer)}"))
+        facts.append(("Probability", f"{member_share_text(answer)}; {fit_text(answer)}"))
         if answer.outlook:
             facts.append(("Forecast", answer.outlook))
     judged = [w.novelty for w in run_results.watched if w.novelty]

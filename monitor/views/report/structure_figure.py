@@ -31,6 +31,8 @@ _ARROW = {"arrowstyle": "->", "color": SOFT, "linewidth": 0.8, "shrinkA": 0, "sh
 _TRIAD = 0.1  # of the structure's size: length of the arrows of the directions
 _SAME_LABEL = 0.08  # of the structure's size: places that are nearer have one label
 _LABEL_WIDTH = 32  # characters of a line
+_LETTER = (0.021, 0.045)  # of the structure's size: width and height of a letter of a member's name
+_SHARES = (0.5, 0.3, 0.7, 0.15, 0.85)  # of a member's length: places of its name, the best first
 _FAR = 6.0  # sigmas: from here on a place is drawn as cold
 _COLUMNS = 4
 _SWAY = 0.14  # of the structure's size: the largest displacement
@@ -56,10 +58,10 @@ class Frame:
     def draw(self, axes: Axes, *, names: bool = False) -> None:
         """Draw members and supports, with the positions of sensors and the members' names if requested."""
         bare(axes)
-        for name, strip in zip(self.geometry.lines, self.geometry.strips(), strict=True):
+        for strip in self.geometry.strips():
             axes.plot(*self.flat(strip).T, color="#c9d0d8", linewidth=4, solid_capstyle="round", zorder=1)
-            if names and self.reference.has_model:
-                x, y = self.flat(strip[len(strip) // 2])
+        if names and self.reference.has_model:
+            for name, (x, y) in self.name_places().items():
                 axes.annotate(name, (x, y), (4, 4), textcoords="offset points", color=SOFT, fontsize=7)
         feet = self.flat(self.geometry.nodes[self.geometry.held])
         axes.plot(*feet.T, linestyle="none", marker="^", markersize=7, color=SOFT, zorder=2)
@@ -68,6 +70,25 @@ class Frame:
             places = self.flat(np.array([place for place, _ in self.reference.sensors.values()]).reshape(-1, 3))
             axes.plot(*places.T, "o", markersize=5, color=SENSOR, markeredgecolor="white", zorder=4, label="sensor")
         axes.margins(0.1)
+
+    def name_places(self) -> dict[str, FloatArray]:
+        """Return places (2,) on paper [m] of the members' names, which do not overlap; names without room are left out.
+
+        The middle of a member is preferred. Members that are drawn short come first: a long one has room elsewhere.
+        """
+        strips = zip(self.geometry.lines, map(self.flat, self.geometry.strips()), strict=True)
+        boxes: list[FloatArray] = []  # left and lower, right and upper edge
+        found = {}
+        for name, strip in sorted(strips, key=lambda one: float(np.linalg.norm(one[1][-1] - one[1][0]))):
+            extent = self.geometry.size * np.array([len(name) * _LETTER[0], _LETTER[1]])
+            for share in _SHARES:
+                place = strip[round(share * (len(strip) - 1))]
+                box = np.array([place, place + extent])
+                if not any((box[0] < other[1]).all() and (other[0] < box[1]).all() for other in boxes):
+                    boxes.append(box)
+                    found[name] = place
+                    break
+        return found
 
     def _directions(self, axes: Axes) -> None:
         """Draw the directions of the axes next to the structure."""

@@ -14,10 +14,10 @@ from monitor.text.causes import (
     failed_text,
     fit_text,
     mass_text,
+    member_share_text,
     probability_text,
 )
 from monitor.text.modal_change import modal_change_text
-from monitor.text.quantities import share_text
 from monitor.text.verdicts import diagnosis_text, is_one_mass
 from monitor.views.viewer.primitives import at, clock
 from updater.quantities import plain
@@ -94,9 +94,8 @@ def verdict(window: WindowResult, alarms: tuple[AlarmResult, ...]) -> str:
 
 
 def _answer(answer: MassAnswer) -> str:
-    share = f"probability of the {answer.member} {share_text(answer.member_probability)}"
     doubt = ". **A mass alone explains it badly.**" if answer.p_value < _DOUBTFUL else ""
-    return f"**{mass_text(answer)}**\n\n{share}; {fit_text(answer)}{doubt}"
+    return f"**{mass_text(answer)}**\n\n{member_share_text(answer)}; {fit_text(answer)}{doubt}"
 
 
 def _table(window: WindowResult, run_results: RunResults) -> str:

@@ -15,15 +15,17 @@ from monitor.views.geometry import Geometry
 from monitor.views.member_axis import Unrolled, ticks
 from monitor.views.palette import ALARM, DIM, GREY, REGION, SENSOR, TEXT, signed_heat
 from monitor.views.viewer.components import write_increments
-from monitor.views.viewer.primitives import Axes, at, once, text
+from monitor.views.viewer.primitives import Axes, at, once, readable_ticks, text
 from monitor.views.viewer.scene import SIDE, TUBE, supports
 
 DIRECTIONS = ("x", "y", "z")
-BOUNDS = ((-24.0, 236.0), (-14.0, 142.0))  # of the drawing, x and y
+BOUNDS = ((-24.0, 236.0), (-32.0, 142.0))  # of the drawing, x and y
 _WIDTH, _HEIGHT, _BETWEEN = 200.0, 34.0, 12.0
 LABEL = 0.2  # of the structure's size, from a flagged node up to its label
 _PALE = 0.25  # share of the level whose colour a member has where its increment is not significant
 _LABEL_WIDTH = 28  # characters
+_NAME_ROWS, _ROW_HEIGHT = 3, 8.5  # of the names of members
+_CHARACTER = 2.7  # width of a character in the drawing, at its usual size on a screen
 _BAR, _BAR_STEPS = 212.0, 24  # place of the colour bar, and number of its colours
 _ROOM = 1.15  # of the largest increment: half the height of a panel
 Row = tuple[float | None, float | None, float | None]
@@ -97,14 +99,15 @@ def _panel(unrolled: Unrolled, row: int, largest: float) -> Axes:
 
 
 def _frames(recording: rr.RecordingStream, unrolled: Unrolled, panels: list[Axes], unit: str, *, static: bool) -> None:
-    x = dict(unrolled.ticks())
+    x = readable_ticks(panels[-1], unrolled.ticks(), _CHARACTER)
     for direction, panel in zip(DIRECTIONS, panels, strict=True):
         below = x if direction == DIRECTIONS[-1] else dict.fromkeys(x, "")
         levels = {float(v): f"{v:g} {unit}" for v in ticks(*panel.y_range, 4)}
         panel.grid(recording, f"/increment_curves/{direction}", below, levels, room=11.0, static=static)
         text(recording, f"/increment_curves/{direction}/name", [[6.0, panel.top + 1.0]], [direction], [TEXT])
-    middle = [float(panels[0].x(unrolled.offset[m] + length / 2)) for m, length in unrolled.length.items()]
-    text(recording, "/increment_curves/members", [[x, -9.0] for x in middle], [*unrolled.length], [GREY])
+    names = unrolled.names(_CHARACTER * unrolled.total / _WIDTH, _NAME_ROWS)
+    places = [[float(panels[0].x(middle)), -9.0 - _ROW_HEIGHT * row] for _, middle, row in names]
+    text(recording, "/increment_curves/members", places, [name for name, _, _ in names], [GREY])
 
 
 def _colour_bar(recording: rr.RecordingStream, panels: list[Axes], largest: float, unit: str, *, static: bool) -> None:

@@ -11,10 +11,12 @@ from monitor.results.windows import MassAnswer
 from monitor.views.member_axis import Unrolled, axis_of, has_profile, sigmas, ticks
 from monitor.views.palette import ALARM, REGION, TEXT, WARN, Colour
 from monitor.views.viewer.components import write_posterior
-from monitor.views.viewer.primitives import Axes, at, band, line, text, times
+from monitor.views.viewer.primitives import Axes, at, band, line, readable_ticks, text, times
 
-BOUNDS = ((-24.0, 208.0), (-16.0, 132.0))  # of the drawing, x and y
+BOUNDS = ((-24.0, 208.0), (-28.0, 132.0))  # of the drawing, x and y
 _WIDTH, _TOP, _LOWER = 200.0, 70.0, 34.0
+_NAME_ROWS, _ROW_HEIGHT = 2, 12.0  # of the names of members
+_CHARACTER = 3.6  # width of a character in the drawing, at its usual size on a screen
 _BETWEEN = 20.0  # upper and lower panel
 _MAX_SIGMAS = 30.0  # that are drawn, if there is a place so bad
 _MIN_SIGMAS = 3.0
@@ -97,7 +99,7 @@ def _frames(
     recording: rr.RecordingStream, unrolled: Unrolled, panels: tuple[Axes, Axes], unit: str, *, static: bool
 ) -> None:
     top, low = panels
-    x = dict(unrolled.ticks())
+    x = readable_ticks(top, unrolled.ticks(), _CHARACTER)
     top.grid(
         recording,
         "/posterior/place",
@@ -108,9 +110,10 @@ def _frames(
     )
     masses = {float(v): f"{v:g} {unit}" for v in ticks(*low.y_range, 3)}
     low.grid(recording, "/posterior/mass", dict.fromkeys(x, ""), masses, room=10.0, static=static)
-    middle = [float(top.x(unrolled.offset[m] + length / 2)) for m, length in unrolled.length.items()]
-    colours = [_colour(unrolled, m) for m in unrolled.length]
-    text(recording, "/posterior/members", [[x, -11.0] for x in middle], [*unrolled.length], colours, static=static)
+    names = unrolled.names(_CHARACTER * unrolled.total / _WIDTH, _NAME_ROWS)
+    places = [[float(top.x(middle)), -11.0 - _ROW_HEIGHT * row] for _, middle, row in names]
+    colours = [_colour(unrolled, name) for name, _, _ in names]
+    text(recording, "/posterior/members", places, [name for name, _, _ in names], colours, static=static)
 
 
 def _colour(unrolled: Unrolled, member: str) -> Colour:

@@ -2,7 +2,7 @@
 
 import errno
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,7 @@ import rerun.blueprint as rrb
 
 from daq import FloatArray
 from monitor.results.windows import WindowResult
+from monitor.views.member_axis import label_rows
 from monitor.views.palette import FAINT, GREY, Colour
 
 APPLICATION = "modalwatch"
@@ -182,6 +183,20 @@ class Axes:
         below = [[a[0][0], bottom + 1] for a in across]
         beside = [[self.left - room, b[0][1] - 4] for b in level]
         text(recording, f"{path}/ticks", [*below, *beside], [*x.values(), *y.values()], [GREY], static=static)
+
+
+def readable_ticks(axes: Axes, x: Iterable[tuple[float, str]], character: float) -> dict[float, str]:
+    """Return ticks with empty texts where a text would overlap the one before.
+
+    Parameters
+    ----------
+    axes : that have the ticks
+    x : ascending values with their texts
+    character : width of a character in the drawing
+    """
+    values, texts = zip(*x, strict=True)
+    rows = label_rows(axes.x(np.array(values)), texts, character, 1)
+    return {value: text if row == 0 else "" for value, text, row in zip(values, texts, rows, strict=True)}
 
 
 def bars(

@@ -7,7 +7,8 @@ import re
 import pytest
 
 from daq import Event
-from monitor.cli.site.console_log import journal
+from monitor.cli.site.console_log import journal, line
+from monitor.results.windows import LearningProgress, WindowResult, event_result
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.history import change, run_events
 
@@ -73,6 +74,15 @@ def test_each_event_of_a_run_is_printed_as_one_line() -> None:
     assert len(lines) == len(events)
     assert sum("window" in line for line in lines) >= 10
     assert any("reference:" in line for line in lines)
+
+
+def test_last_learning_window_announces_the_computation_of_the_reference() -> None:
+    """The calibration of a model takes seconds to minutes, in which no other line is printed."""
+    [usual] = [result for e in run_events() if isinstance(result := event_result(e), WindowResult)][:1]
+    for windows, announced in ((11, False), (12, True)):
+        progress = LearningProgress(windows=windows, target=12)
+        text = line(usual.model_copy(update={"phase": "learning", "learning": progress}))
+        assert text.endswith("; computing the reference from 12 windows ...") is announced
 
 
 def test_repeated_events_are_counted_instead_of_printed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -151,6 +151,15 @@ def test_missing_port_names_its_place(modalwatch: Commands, tmp_path: Path) -> N
     assert_refused(done, "--port: needed: serial port of device left_post_2 at [0, 0, 1.3333] m")
 
 
+def test_driver_of_a_log_is_refused_with_the_command_for_logs(modalwatch: Commands, tmp_path: Path) -> None:
+    structure, path = tmp_path / "frame.toml", tmp_path / "s.toml"
+    assert modalwatch("new", "structure", *PORTAL, "-o", structure).code == 0
+    done = modalwatch("new", "site", structure, "-o", path, "--driver", "replay")
+    named = f"`modalwatch import FILES -o run.mcap --structure {structure} --new-site {path}`"
+    assert_refused(done, "--driver: replay plays a log", named)
+    assert not path.exists()
+
+
 CALCULIX = Path(__file__).parents[2] / "updater" / "fe" / "external" / "calculix"
 STRIP = (CALCULIX / "strip.sti", CALCULIX / "strip.mas", "--nodes", CALCULIX / "strip.inp")
 

@@ -225,7 +225,13 @@ def test_every_parameter_that_a_model_changes_is_named() -> None:
     joints = tuple(spring(axis, 5e5, 5e5, "joint of the posts and the beam") for _ in range(2) for axis in "xz")
     twice = "within two deviations of the file: rotational stiffness about x, z at the joint of the posts and the beam"
     assert further_changes_text(joints) == twice
+    frame = (*feet, *(spring("z", (1 + k) * 1e5, 1e6, f"joint of storey {k}") for k in range(8)))
     few = "at the foot of post 0, at the foot of post 1"
+    text = f"within two deviations of the file: rotational stiffness about x, y {few}"
+    assert further_changes_text(frame) == f"{text}, at the foot of post 2; and 10 more"
+    farthest = spring("z", 1.9e6, 1e6, "joint of the roof")
+    text += "; rotational stiffness about z at the joint of the roof; and 11 more"
+    assert further_changes_text((*frame, farthest)) == text
     assert further_changes_text(feet[:4]) == f"within two deviations of the file: rotational stiffness about x, y {few}"
 
 

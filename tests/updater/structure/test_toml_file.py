@@ -19,7 +19,7 @@ from updater import (
     parse_structure,
     t_structure_toml,
 )
-from updater.structure import Joint, Material, Member, Section, Segment, Sensor, Support, meant
+from updater.structure import Joint, Material, Member, Section, Segment, Sensor, Support
 
 ROOT = Path(__file__).parents[3]
 
@@ -318,8 +318,3 @@ def test_invalid_crack_is_named(old: str, new: str, entry: str) -> None:
     with pytest.raises(StructureError) as caught:
         parse_structure(t_structure_toml() + COLUMN_CRACK.replace(old, new))
     assert entry in str(caught.value)
-
-
-@pytest.mark.parametrize(("word", "near"), [("Ch3", "CH3"), ("ch30", "CH3"), ("CH3", "CH3"), ("top_x", "")])
-def test_nearest_word_is_proposed_in_any_case(word: str, near: str) -> None:
-    assert meant(word, ["CH3", "CH4"]) == (f", did you mean {near!r}?" if near else "")

@@ -11,7 +11,7 @@ from monitor.cli.terminal import echo, progress
 from monitor.errors import ArgumentError
 from monitor.service.site import load_site
 from updater import parse_structure
-from updater.structure import meant, portable_text
+from updater.structure import no_sensor_text, portable_text
 
 _DEVICE = "import"
 _AXES = 3
@@ -70,8 +70,5 @@ def _structure_text(channels: tuple[Channel, ...], path: Path) -> str:
     known = parse_structure(text, path).channels
     for channel in channels:
         if channel.name not in known:
-            near = meant(channel.name, known)
-            raise ArgumentError(
-                "--column", f"{channel.name!r} is no sensor of {path}{near}; there are {', '.join(known)}"
-            )
+            raise ArgumentError("--column", no_sensor_text(channel.name, known, path))
     return text

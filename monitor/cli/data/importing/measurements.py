@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from daq import DataError, DataOptions, Recording, write_recordings
+from daq.bounded_text import meant
 from daq.files import (
     ACCELERATIONS,
     Measured,
@@ -26,7 +27,7 @@ from monitor.errors import ArgumentError
 from monitor.service.site import Site, load_site
 from monitor.text.quantities import counted
 from updater import parse_structure
-from updater.structure import meant, portable_text
+from updater.structure import no_sensor_text, portable_text
 
 _STRONGEST = 100.0  # m/s2, rms: ten times gravity, far above the vibration of structures in service
 _DEAD = 1e-3  # of the median rms of all channels
@@ -256,6 +257,5 @@ def _structure_text(data: Path, recording: Recording, path: Path) -> tuple[str, 
     known = parse_structure(text, path).channels
     for channel in recording.channels:
         if channel.name not in known:
-            near = meant(channel.name, known)
-            raise DataError(data, f"column {channel.name!r} is no sensor of {path}{near}; there are {', '.join(known)}")
+            raise DataError(data, f"column {no_sensor_text(channel.name, known, path)}")
     return text, _without_column(recording, known)

@@ -127,7 +127,7 @@ def test_series_that_does_not_fit_the_site_is_refused(modalwatch: Commands, tmp_
         'structure = "t.toml"\n' + SITE.replace("left_x", "beam_left_y").replace("left_y", "beam_left_z", 1)
     )
     site.write_text('structure = "t.toml"\n' + SITE.replace('x = "left_x", y = "left_y"', 'y = "beam_left_y"'))
-    assert_refused(modalwatch("replay", path, "--site", site), path, "shape at R0: is no sensor of the structure")
+    assert_refused(modalwatch("replay", path, "--site", site), path, "shape: 'R0' is no sensor of the structure")
     assert_refused(modalwatch("replay", path, "--from", "1h"), "--from", "not of a series of modes")
     site.write_text(SITE, encoding="utf-8")
     used = series_site(read_series(path), site, ())

@@ -13,10 +13,10 @@ from daq import FloatArray
 from monitor.results.run_results import RunResults, thin
 from monitor.results.windows import ProfilePoint, ReferenceResult
 from monitor.views.geometry import FIELD_OF_VIEW, Geometry, screen
-from monitor.views.member_axis import Unrolled, axis_of, places, side_by_side, sigmas, ticks
+from monitor.views.member_axis import Unrolled, axis_of, label_rows, places, side_by_side, sigmas, ticks
 from monitor.views.palette import heat, mode_colour
 from monitor.views.viewer.layout.view_specs import best_grid
-from monitor.views.viewer.primitives import Axes
+from monitor.views.viewer.primitives import Axes, readable_ticks
 from monitor.views.viewer.scene import common_name, heated_members
 from monitor.views.viewer.spectrum import spectrum_axes
 from tests.support.monitor import results as made
@@ -141,6 +141,37 @@ def test_labels_of_close_modes_do_not_overlap(places: list[float], apart: float)
     assert np.all(np.diff(moved) >= apart - 1e-9)
     if np.all(np.diff(ascending) >= apart):
         np.testing.assert_allclose(moved, ascending, rtol=0, atol=1e-9)
+
+
+@settings(deadline=None)  # a busy machine is not an error
+@given(places=st.lists(st.floats(0, 200), max_size=14), length=st.integers(1, 30), most=st.integers(1, 3))
+def test_labels_in_rows_do_not_overlap(places: list[float], length: int, most: int) -> None:
+    """Neighbours in a row have room; a label is left out only where every row is occupied."""
+    middle = np.sort(np.array(places, float))
+    width = 2.0 * (length + 1)
+    rows = label_rows(middle, ["m" * length] * len(middle), 2.0, most)
+    for row in range(most):
+        assert np.all(np.diff(middle[rows == row]) >= width - 1e-9)
+    for left_out in middle[rows < 0]:
+        for row in range(most):
+            before = middle[(rows == row) & (middle <= left_out)]
+            assert left_out - before.max() < width + 1e-9
+
+
+def test_names_of_twelve_members_have_rows_of_their_own() -> None:
+    """Four columns of 2 m and eight beams of a frame of two storeys, in a drawing of some 75 characters."""
+    columns = {f"column {k}": 2.0 for k in range(1, 5)}
+    beams = {f"{level} beam {k}": 1.2 - 0.4 * (k % 2) for level in ("middle", "top") for k in range(1, 5)}
+    members = columns | beams
+    unrolled = Unrolled((name, (0.0, 0.0, z)) for name, length in members.items() for z in (0.0, length))
+    names = unrolled.names(unrolled.total / 75, 3)
+    assert [name for name, _, _ in names] == list(members)
+    assert {row for _, _, row in names} == {0, 1, 2}
+
+
+def test_ticks_without_room_have_no_text() -> None:
+    found = readable_ticks(axes(), [(0.0, "0"), (0.5, "0.5"), (0.55, "0"), (1.0, "0.5")], character=2.0)
+    assert list(found.values()) == ["0", "0.5", "", "0.5"]
 
 
 def axes() -> Axes:
