@@ -90,7 +90,7 @@ from updater.diagnosis.weighing import (
 )
 from updater.errors import SelectionError
 from updater.fe import Model
-from updater.inference import MODEL_ERROR, Comparison, by_unmeasured, compare, mixing_of
+from updater.inference import MODEL_ERROR, Comparison, compare, errors_of_unmeasured, mixing_of
 from updater.modal_data import NOTHING_KNOWN, Circumstances, KnownMass, Mixing, ModalMean, OpeningEvidence
 from updater.reference import Calibration, ModelFit, Reference
 from updater.validation import opening_evidence, opens_significantly
@@ -315,16 +315,16 @@ def _mixing(reference: Reference, data: Comparison, best: Candidate) -> Mixing |
     far[data.paired] = False
     close = far & (apart < _CLOSE)
     mixing = replace(mixing, shifts=np.where(close, mixing.shifts, np.nan))
-    return mixing if close.any() or _exceeds_assumed(data, mixing) else None
+    return mixing if close.any() or _exceeds_assumed(reference, data, mixing) else None
 
 
-def _exceeds_assumed(data: Comparison, mixing: Mixing) -> bool:
-    """Return whether errors by frequencies that were not measured exceed all those that are assumed, in any mode."""
-    by_others = (mixing.log_frequency[:, data.paired] ** 2).sum(0)
-    turned = by_unmeasured(mixing, data.paired, data.at_channels, data.base)
-    whitened = turned @ data.shape_whitener.transpose(0, 2, 1)
-    of_shapes = (whitened**2).sum((1, 2)) / data.overdispersion
-    return bool((by_others > np.diag(data.frequency_covariance)).any() or (of_shapes > 1).any())
+def _exceeds_assumed(reference: Reference, data: Comparison, mixing: Mixing) -> bool:
+    """Return whether errors by modes that were not measured exceed all those that are assumed, in any mode."""
+    errors = errors_of_unmeasured(reference, data.tracks, data.channels, mixing, data.base)
+    of_frequency = (errors.log_frequency**2).sum(1) / np.diag(data.frequency_covariance)
+    of_shape = np.concatenate([errors.shape.transpose(0, 2, 1), errors.sensors], axis=2)
+    whitened = ((data.shape_whitener @ of_shape) ** 2).sum((1, 2)) / data.overdispersion
+    return bool((np.maximum(of_frequency, whitened) > 1).any())
 
 
 def _jointly(plain: EvidenceComparison, case: Case) -> tuple[Case, list[Candidate]]:

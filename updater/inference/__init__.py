@@ -5,6 +5,7 @@ from updater.inference.comparison import NewModes as NewModes
 from updater.inference.comparison import Whitener as Whitener
 from updater.inference.event_comparison import MODEL_ERROR as MODEL_ERROR
 from updater.inference.event_comparison import compare as compare
+from updater.inference.event_comparison import errors_of_unmeasured as errors_of_unmeasured
 from updater.inference.information import entropy as entropy
 from updater.inference.information import expected_information as expected_information
 from updater.inference.known_mass import DRIFT as DRIFT
@@ -48,4 +49,3 @@ from updater.inference.residuals import Prediction as Prediction
 from updater.inference.residuals import residual as residual
 from updater.inference.shape_covariance import SHAPE_BIAS as SHAPE_BIAS
 from updater.inference.shape_covariance import beside as beside
-from updater.inference.shape_covariance import by_unmeasured as by_unmeasured

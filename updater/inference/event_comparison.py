@@ -1,6 +1,6 @@
 """Construction of the comparison of an event with the baseline, block by block of data."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from updater.inference.comparison import (
 from updater.inference.known_mass import mass_tests
 from updater.inference.new_shapes import new_shapes
 from updater.inference.phases_and_damping import damping_changes, imaginary_parts, unsure_of
-from updater.inference.sensor_errors import sensor_errors, without_sensor_errors
+from updater.inference.sensor_errors import sensor_errors, sensor_errors_of_mixed, without_sensor_errors
 from updater.inference.shape_covariance import (
     SHAPE_BIAS,
     along_changed_modes,
@@ -31,7 +31,15 @@ from updater.inference.shape_covariance import (
     shape_whiteners,
     turned_by_noise,
 )
-from updater.modal_data import NOTHING_KNOWN, USUAL_OVERDISPERSION, Circumstances, ModalMean, Scatter, check_event
+from updater.modal_data import (
+    NOTHING_KNOWN,
+    USUAL_OVERDISPERSION,
+    Circumstances,
+    Mixing,
+    ModalMean,
+    Scatter,
+    check_event,
+)
 from updater.reference import Reference, match_nominal_modes
 
 MODEL_ERROR = 0.01  #: relative to a mode's typical displacement: error of the reference at any point
@@ -94,13 +102,12 @@ def compare(
     now = np.where(np.isfinite(event.shape), event.shape, base.shape)
     altered = along_changed_modes(share, reference.paired[tracks], at_channels, base.shape, now)
     foreign = np.concatenate([foreign, by_noise, altered], axis=1)
-    common = reference.common_error[tracks]
+    common, of_sensors = reference.common_error[tracks], sensor_errors(reference, tracks, channels)
     if circumstances.mixing is not None:
-        paired = reference.paired[tracks]
-        foreign = np.concatenate(
-            [foreign, by_unmeasured(circumstances.mixing, paired, at_channels, base.shape)], axis=1
-        )
-        common = np.concatenate([common, circumstances.mixing.log_frequency[:, paired].T], axis=1)
+        more = errors_of_unmeasured(reference, tracks, channels, circumstances.mixing, base.shape)
+        common = np.concatenate([common, more.log_frequency], axis=1)
+        foreign = np.concatenate([foreign, more.shape], axis=1)
+        of_sensors = np.concatenate([of_sensors, more.sensors], axis=2)
     nearer = nearer_modes(reference, tracks, every, at_channels, base.damping)
     nearer = np.concatenate([nearer, by_noise], axis=1)
     sign = np.where((event.shape * base.shape).sum(1) < 0, -1, 1)[:, None]
@@ -111,7 +118,7 @@ def compare(
         mesh_error=mesh_error,
         **_frequencies_of(base, event, error, typical_shift, common),
         **_shapes_of(base, event, sign, scatter, max(reference.delays.wander, circumstances.wander), foreign),
-        sensor_errors=sensor_errors(reference, tracks, channels),
+        sensor_errors=of_sensors,
         mesh_errors=_common_to_modes(base.shape, sign * now, ratio, mesh_error),
         **imaginary_parts(base, event, sign, scatter, nearer, late),
         **damping_changes(base, event, mixed_by_change(reference, tracks, every)),
@@ -126,6 +133,35 @@ def compare(
         new=new_shapes(
             circumstances.extra, channels, overdispersion, at_channels, reference.frequency, float(error.max())
         ),
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ErrorsOfUnmeasured:
+    """Standard deviations of compared modes by modes that were not measured, which a change mixes into them."""
+
+    log_frequency: FloatArray  #: (n, n_errors) of ln f by their frequencies
+    shape: FloatArray  #: (n, n_errors, n_channels) of unit shapes by these
+    sensors: FloatArray  #: (n, n_channels, n_errors) of unit shapes by the sensors that read them
+
+
+def errors_of_unmeasured(
+    reference: Reference, tracks: IndexArray, channels: tuple[str, ...], mixing: Mixing, base: FloatArray
+) -> ErrorsOfUnmeasured:
+    """Return the errors of compared modes by modes that were not measured.
+
+    Parameters
+    ----------
+    tracks : (n,) of the reference
+    channels : compared ones
+    mixing : of the reference's modes by a change
+    base : (n, n_channels) of the compared modes before, unit norm
+    """
+    paired = reference.paired[tracks]
+    return ErrorsOfUnmeasured(
+        log_frequency=mixing.log_frequency[:, paired].T,
+        shape=by_unmeasured(mixing, paired, reference.at_channels(channels), base),
+        sensors=sensor_errors_of_mixed(reference, tracks, channels, mixing, base),
     )
 
 

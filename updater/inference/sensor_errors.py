@@ -2,16 +2,17 @@
 
 A channel has one gain, one direction and one place in all modes. Of a structure file compared with measured modes, they
 are not errors of single shapes, which average out over modes, but parameters with a prior. They are eliminated: the
-covariance of all shapes together has their products between modes. With reference logs they cancel.
+covariance of all shapes together has their products between modes. With reference logs they cancel, but for modes that
+were not measured.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from daq import FloatArray, IndexArray
-from updater.inference.shape_covariance import beside
-from updater.modal_data import ModalMean
+from daq import BoolArray, FloatArray, IndexArray
+from updater.inference.shape_covariance import beside, turned_back
+from updater.modal_data import Mixing, ModalMean
 from updater.quantities import ASKEW_STD, GAIN_STD, PLACE_STD
 from updater.reference import Reference
 from updater.structure import size
@@ -35,18 +36,52 @@ def sensor_errors(reference: Reference, tracks: IndexArray, channels: tuple[str,
     unmeasured = reference.unmeasured(channels)
     if not unmeasured.any():
         return np.zeros((len(paired), len(channels), 0))
+    errors = _errors(reference, channels, unmeasured, np.eye(len(reference.frequency))[:, paired])
     shape = reference.at_channels(channels)[:, paired]
-    across = reference.across_channels(channels)[:, paired].reshape(2, *shape.shape)
-    of_one = np.eye(len(channels))[unmeasured][:, :, None]
+    length = np.linalg.norm(shape, axis=0)
+    return np.asarray(beside((errors / length).transpose(0, 2, 1), (shape / length).T).transpose(1, 2, 0))
+
+
+def sensor_errors_of_mixed(
+    reference: Reference, tracks: IndexArray, channels: tuple[str, ...], mixing: Mixing, base: FloatArray
+) -> FloatArray:
+    """Return the standard deviations of unit shapes (n, n_channels, n_errors) by sensors that read unmeasured modes.
+
+    The measured modes have the errors of the sensors in them. A mode that a change mixes into a compared one, and that
+    was not measured, is the model's: it is read without these errors. As `sensor_errors`, of the other channels.
+
+    Parameters
+    ----------
+    base : (n, n_channels) of the compared modes before, unit norm
+    """
+    paired = reference.paired[tracks]
+    share = mixing.shape[:, paired].copy()
+    now = (reference.at_channels(channels) @ share).T
+    share[reference.paired] = 0.0
+    errors = _errors(reference, channels, ~reference.unmeasured(channels), share).transpose(0, 2, 1)
+    length = np.linalg.norm(now, axis=1, keepdims=True)
+    turned = turned_back(beside(errors / length, now / length), now / length, base)
+    return np.asarray(turned.transpose(1, 2, 0))
+
+
+def _errors(reference: Reference, channels: tuple[str, ...], chosen: BoolArray, share: FloatArray) -> FloatArray:
+    """Return the standard deviations (n_errors, n_channels, n) of what chosen channels read of modes.
+
+    Parameters
+    ----------
+    chosen : (n_channels,) mask of the channels with errors
+    share : (n_modes, n) of the reference's modes in each
+    """
+    shape = reference.at_channels(channels) @ share
+    across = (reference.across_channels(channels) @ share).reshape(2, *shape.shape)
+    of_one = np.eye(len(channels))[chosen][:, :, None]
     gains, turns = GAIN_STD * of_one * shape, ASKEW_STD * of_one * across[:, None]
     sensor = {s.channel: s for s in reference.structure.corrected_sensors}
     places = [sensor[c].at for c in channels]
-    new = dict.fromkeys(at for at, one in zip(places, unmeasured, strict=True) if one)
-    together = (np.array([[there == at for there in places] for at in new]) & unmeasured)[:, None, :, None]
-    offsets = PLACE_STD * size(reference.structure) * together * reference.per_offset(channels)[:, :, paired]
-    errors = np.concatenate([each.reshape(-1, *shape.shape) for each in (gains, turns, offsets)])
-    length = np.linalg.norm(shape, axis=0)
-    return np.asarray(beside((errors / length).transpose(0, 2, 1), (shape / length).T).transpose(1, 2, 0))
+    new = dict.fromkeys(at for at, one in zip(places, chosen, strict=True) if one)
+    together = (np.array([[there == at for there in places] for at in new]) & chosen)[:, None, :, None]
+    offsets = PLACE_STD * size(reference.structure) * together * (reference.per_offset(channels) @ share)
+    return np.concatenate([each.reshape(-1, *shape.shape) for each in (gains, turns, offsets)])
 
 
 def without_sensor_errors(reference: Reference, tracks: IndexArray, base: ModalMean) -> ModalMean:
