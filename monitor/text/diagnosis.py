@@ -45,9 +45,8 @@ _SITUATIONS = {
     "worse_model": "The best causes explain the compared modes, but double the frequency error of the model over all "
     "measured modes. Measure with more sensors, so that close modes are distinguished, or describe the structure in "
     "more detail.",
-    "other_model": "The search predicts changes approximately. The model with the best causes written in has other "
-    "changes, so that these causes are not established. Describe a structure with many closed loops of members by "
-    "fewer members.",
+    "other_model": "The frequencies of the model with the best causes differ from those that the search predicts, so "
+    "that these causes are not established. Describe the structure with fewer members.",
 }
 _RATE_UNITS = {"kg": (1000.0, "g"), "-": (100.0, "%")}  # spoken: scale and unit
 _SMALLEST = {

@@ -76,5 +76,8 @@ class Case:
 
     @property
     def of_other_references(self) -> Circumstances:
-        """The circumstances, without a mixing that is of the modes of this reference."""
+        """The circumstances, without a mixing that is of the modes of this reference.
+
+        Another one is then compared with smaller errors: it is not preferred too easily.
+        """
         return replace(self.data.circumstances, mixing=None)

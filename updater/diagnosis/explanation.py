@@ -197,7 +197,9 @@ class _Question:
         unchanged = self.reference.nominal is None and (self.reference.of_file or within_noise(good, ()))
         if refused := self._refused_alone(case, unchanged=unchanged):
             return refused
-        mixing = plain.faults.attempt("modes that come close", partial(_mixing, case.reference, plain.data, singles[0]))
+        mixing = plain.faults.attempt(
+            "modes that were not measured", partial(_mixing, case.reference, plain.data, singles[0])
+        )
         if mixing is not None:
             return replace(self, circumstances=replace(self.circumstances, mixing=mixing)).answer()
         case, found = _jointly(plain, case)
@@ -319,12 +321,13 @@ def _mixing(reference: Reference, data: Comparison, best: Candidate) -> Mixing |
 
 
 def _exceeds_assumed(reference: Reference, data: Comparison, mixing: Mixing) -> bool:
-    """Return whether errors by modes that were not measured exceed all those that are assumed, in any mode."""
+    """Return whether errors by modes that were not measured exceed all those assumed, of a frequency or of a shape."""
     errors = errors_of_unmeasured(reference, data.tracks, data.channels, mixing, data.base)
     of_frequency = (errors.log_frequency**2).sum(1) / np.diag(data.frequency_covariance)
     of_shape = np.concatenate([errors.shape.transpose(0, 2, 1), errors.sensors], axis=2)
-    whitened = ((data.shape_whitener @ of_shape) ** 2).sum((1, 2)) / data.overdispersion
-    return bool((np.maximum(of_frequency, whitened) > 1).any())
+    chi_square = ((data.shape_whitener @ of_shape) ** 2).sum((1, 2))
+    assumed = (len(data.channels) - 1) / data.overdispersion  # expected chi-square of a shape
+    return bool((np.maximum(of_frequency, chi_square / assumed) > 1).any())
 
 
 def _jointly(plain: EvidenceComparison, case: Case) -> tuple[Case, list[Candidate]]:
@@ -546,10 +549,11 @@ def _explained(
     if model is not None:
         fitted = partial(fit_of_written, case.reference, case.data, case.measured, model, chosen)
         written = faults.attempt("the modes of the written model", fitted)
-        gained = faults.attempt("the gain", partial(_gained, case, chosen, model, written))
     compared = None if written is None else written.only(compared_rows(case.data, case.measured))
     if compared is not None and differs_from_predicted(case.reference, case.data, compared, chosen):
         return _refused("unexplained", case, searched, "other_model")
+    if model is not None:
+        gained = faults.attempt("the gain", partial(_gained, case, chosen, model, written))
     if gained and gained.is_worse:
         return _refused("unexplained", case, searched, "worse_model")
     decisive = None if sure else faults.attempt("the next measurement", lambda: _next(case, left_open))

@@ -156,7 +156,8 @@ class Comparison:
     shape_whitener: FloatArray  #: (n, n_channels, n_channels) inverse Cholesky factors of the difference's covariance
     #: (n, n_channels, n_errors) standard deviations of shapes by errors of sensors that all modes have in common
     sensor_errors: FloatArray
-    mesh_errors: FloatArray  #: the same by the error of a mesh (n, n_channels, n_channels or 0)
+    #: the same by the error of a mesh, and by sensors that read modes that were not measured (n, n_channels, n_more)
+    common_errors: FloatArray
     overdispersion: float  #: components of a shape that err as one [-]
     phased: BoolArray  #: (n,) whether phases are known now and before
     imaginary: FloatArray  #: (n, n_channels) imaginary part of the shape now; 0 where it is not known
@@ -231,7 +232,7 @@ class Comparison:
             "shape": shape,
             "base": shape,
             "sensor_errors": np.zeros((k, *self.sensor_errors.shape[1:])),
-            "mesh_errors": np.zeros((k, *self.mesh_errors.shape[1:])),
+            "common_errors": np.zeros((k, *self.common_errors.shape[1:])),
             "phased": np.zeros(k, bool),
             "imaginary": np.zeros(shape.shape),
             "baseline_imaginary": np.zeros(shape.shape),
@@ -257,7 +258,7 @@ class Comparison:
         Residuals of covariance I + V V^T, with the singular values s of V, are white after (I - S S^T), the columns of
         S the left singular vectors times (1 - (1 + s^2)^-1/2)^1/2.
         """
-        errors = self.shape_whitener @ np.concatenate([self.sensor_errors, self.mesh_errors], axis=2)
+        errors = self.shape_whitener @ np.concatenate([self.sensor_errors, self.common_errors], axis=2)
         errors = errors.reshape(errors.shape[0] * errors.shape[1], -1)
         left, value, _ = np.linalg.svd(errors, full_matrices=False)
         return np.asarray(left * np.sqrt(1 - (1 + value**2) ** -0.5))

@@ -102,15 +102,16 @@ def compare(
     now = np.where(np.isfinite(event.shape), event.shape, base.shape)
     altered = along_changed_modes(share, reference.paired[tracks], at_channels, base.shape, now)
     foreign = np.concatenate([foreign, by_noise, altered], axis=1)
-    common, of_sensors = reference.common_error[tracks], sensor_errors(reference, tracks, channels)
+    common = reference.common_error[tracks]
+    sign = np.where((event.shape * base.shape).sum(1) < 0, -1, 1)[:, None]
+    alike = _common_to_modes(base.shape, sign * now, ratio, mesh_error)
     if circumstances.mixing is not None:
         more = errors_of_unmeasured(reference, tracks, channels, circumstances.mixing, base.shape)
         common = np.concatenate([common, more.log_frequency], axis=1)
         foreign = np.concatenate([foreign, more.shape], axis=1)
-        of_sensors = np.concatenate([of_sensors, more.sensors], axis=2)
+        alike = np.concatenate([alike, more.sensors], axis=2)
     nearer = nearer_modes(reference, tracks, every, at_channels, base.damping)
     nearer = np.concatenate([nearer, by_noise], axis=1)
-    sign = np.where((event.shape * base.shape).sum(1) < 0, -1, 1)[:, None]
     return Comparison(
         channels=channels,
         tracks=tracks,
@@ -118,8 +119,8 @@ def compare(
         mesh_error=mesh_error,
         **_frequencies_of(base, event, error, typical_shift, common),
         **_shapes_of(base, event, sign, scatter, max(reference.delays.wander, circumstances.wander), foreign),
-        sensor_errors=of_sensors,
-        mesh_errors=_common_to_modes(base.shape, sign * now, ratio, mesh_error),
+        sensor_errors=sensor_errors(reference, tracks, channels),
+        common_errors=alike,
         **imaginary_parts(base, event, sign, scatter, nearer, late),
         **damping_changes(base, event, mixed_by_change(reference, tracks, every)),
         mass_tests=mass_tests(reference, tracks, event, error, circumstances.known_masses),
@@ -142,7 +143,8 @@ class ErrorsOfUnmeasured:
 
     log_frequency: FloatArray  #: (n, n_errors) of ln f by their frequencies
     shape: FloatArray  #: (n, n_errors, n_channels) of unit shapes by these
-    sensors: FloatArray  #: (n, n_channels, n_errors) of unit shapes by the sensors that read them
+    #: (n, n_channels, n_errors) of unit shapes by the sensors that read them, with one factor for all modes
+    sensors: FloatArray
 
 
 def errors_of_unmeasured(

@@ -48,7 +48,7 @@ def sensor_errors_of_mixed(
     """Return the standard deviations of unit shapes (n, n_channels, n_errors) by sensors that read unmeasured modes.
 
     The measured modes have the errors of the sensors in them. A mode that a change mixes into a compared one, and that
-    was not measured, is the model's: it is read without these errors. As `sensor_errors`, of the other channels.
+    was not measured, is the model's: it is read without these errors, which are those of `sensor_errors`.
 
     Parameters
     ----------
@@ -57,9 +57,10 @@ def sensor_errors_of_mixed(
     paired = reference.paired[tracks]
     share = mixing.shape[:, paired].copy()
     now = (reference.at_channels(channels) @ share).T
-    share[reference.paired] = 0.0
-    errors = _errors(reference, channels, ~reference.unmeasured(channels), share).transpose(0, 2, 1)
-    length = np.linalg.norm(now, axis=1, keepdims=True)
+    sign = np.where((now * base).sum(1) < 0, -1.0, 1.0)[:, None]  # one for an error in all modes
+    length = sign * np.linalg.norm(now, axis=1, keepdims=True)
+    share[paired] = 0.0
+    errors = _errors(reference, channels, np.ones(len(channels), bool), share).transpose(0, 2, 1)
     turned = turned_back(beside(errors / length, now / length), now / length, base)
     return np.asarray(turned.transpose(1, 2, 0))
 

@@ -189,7 +189,7 @@ def by_unmeasured(mixing: Mixing, paired: IndexArray, at_channels: FloatArray, b
         Standard deviation in unit shapes by each of these frequencies, orthogonal to the baseline's shape.
     """
     now = (at_channels @ mixing.shape[:, paired]).T
-    length = np.maximum(np.linalg.norm(now, axis=1, keepdims=True), _UNSEEN)
+    length = np.linalg.norm(now, axis=1, keepdims=True)
     turned = (at_channels @ mixing.turned[:, :, paired]).transpose(0, 2, 1) / length
     error = turned_back(beside(turned, now / length), now / length, base)
     size = np.maximum(np.linalg.norm(error, axis=2, keepdims=True), _UNSEEN)

@@ -70,7 +70,7 @@ class MassChange:
     body: BodyShape
     alternatives: tuple[Alternative, ...]
     region: tuple[Stretch, ...]  #: 95 % credible
-    member_probability: float  #: probability that it is on this member, or near a joint that it is at this place [-]
+    member_probability: float  #: probability that it is on this member, or at the joint of several [-]
     p_value: float  #: chance of a worse fit if one added mass is the cause [-]
     model_error: float  #: model error that was used, relative to a mode's typical displacement [-]
     tracks: IndexArray  #: (n,) modes of the baseline that entered
@@ -136,7 +136,7 @@ def mass_change(found: Fit[AddedMass], model_error: float) -> MassChange:
         body=_shape(found, likeliest),
         alternatives=alternatives,
         region=tuple(Stretch(member=names[m], start=a, stop=b) for m, a, b in posterior.intervals),
-        member_probability=min(max(on_member, first.probability), 1.0),
+        member_probability=min(first.probability if len(first.members) > 1 else on_member, 1.0),
         p_value=found.p_value,
         model_error=model_error,
         tracks=cause.comparison.tracks,

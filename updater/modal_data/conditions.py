@@ -105,9 +105,10 @@ class Mixing:
     """Modes of the reference as a cause mixes them, and their errors by the frequencies of modes not measured."""
 
     shifts: FloatArray  #: (n_modes,) log ratios of frequencies, of modes not measured that come close; else NaN
-    log_frequency: FloatArray  #: (n_errors, n_modes) standard deviation of ln f by the frequency of each of these
-    shape: FloatArray  #: (n_modes, n_modes) of each mode, by column, in those of the reference, of unit modal mass
-    turned: FloatArray  #: (n_errors, n_modes, n_modes) standard deviation of these, likewise
+    #: (n_errors, n_modes) change of ln f by one standard deviation of the frequency of each mode not measured
+    log_frequency: FloatArray
+    shape: FloatArray  #: (n_modes, n_modes) changed modes as columns, in modes of the reference, unit modal mass
+    turned: FloatArray  #: (n_errors, n_modes, n_modes) change of `shape` by one standard deviation of each frequency
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -512,7 +512,7 @@ class _Misfit:
         return np.asarray(self._whitener @ off)
 
     def rms(self, whitened: FloatArray) -> float:
-        """Return the root mean square in ln f of whitened residuals (n_tracks,)."""
+        """Return the root mean square in ln f of whitened residuals (n_tracks,), each given the tracks before it."""
         return float(np.sqrt(np.mean((whitened / np.diag(self._whitener)) ** 2)))
 
     def slope(self, x: FloatArray) -> FloatArray:

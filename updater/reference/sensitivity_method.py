@@ -30,7 +30,7 @@ _SLIGHT = 1e-3
 _DAMPING = 1e-3  # first damping after a step that failed, over the diagonal of the normal matrix
 _FACTOR = 10.0  # of the damping after each further one
 _AS_EXPECTED, _LESS = 0.75, 0.25  # of the expected reduction, from which on the damping falls, and under which it rises
-_LEAST_FREE = 1e-6  # of a datum that the others and the prior determine
+_LEAST_FREE = 1e-6  # smallest 1 - leverage of a datum
 
 
 class Problem(Protocol):
@@ -114,13 +114,14 @@ def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> Sensit
     free = ~at_bound
     log_det = np.linalg.slogdet(normal[np.ix_(free, free)])[1]
     cost = float(now @ now) / 2
+    rest = now + slope @ _bounded_step(slope, now, prior.lower - x, prior.upper - x, 0.0)  # of the minimum nearby
     return SensitivityFit(
         value=x,
         std=np.sqrt(np.diag(np.linalg.inv(normal))),
         at_bound=at_bound,
         chi_square=2 * cost,
         log_evidence=float(-cost - 0.5 * log_det - np.log(prior.std[free]).sum()),
-        left_out=_left_out(now[: -len(x)], slope[: -len(x), free], normal[np.ix_(free, free)]),
+        left_out=_left_out(rest[: -len(x)], slope[: -len(x), free], normal[np.ix_(free, free)]),
         iterations=iterations,
         reason=reason,
     )
@@ -129,7 +130,7 @@ def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> Sensit
 def _less_or_more(damping: float, gained: float) -> float:
     """Return the damping after a step that has reduced the cost by a share of what was expected."""
     if gained < _LESS:
-        return _FACTOR * damping
+        return max(_FACTOR * damping, _DAMPING)
     if gained < _AS_EXPECTED:
         return damping
     return damping / _FACTOR if damping > _DAMPING else 0.0
@@ -149,7 +150,7 @@ def _left_out(residual: FloatArray, slope: FloatArray, normal: FloatArray) -> Fl
 
     Parameters
     ----------
-    residual : (n_data,) whitened, of the fit to all data
+    residual : (n_data,) whitened, of the best fit to all data
     slope : (n_data, n) of the parameters that no bound holds
     normal : (n, n) normal matrix of these, with their prior
     """

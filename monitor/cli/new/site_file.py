@@ -65,7 +65,7 @@ def write_site(
     if driver == "replay":
         raise ArgumentError(
             "--driver",
-            "replay plays a log, which has devices of its own: `modalwatch import FILES -o run.mcap --structure "
+            "replay reads a log, which contains its devices: `modalwatch import FILES -o run.mcap --structure "
             f"{structure} --new-site {path}` writes the settings of files of measurements; a log of `run` has its "
             "settings attached: `modalwatch replay run.mcap`",
         )

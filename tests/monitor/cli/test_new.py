@@ -156,7 +156,7 @@ def test_driver_of_a_log_is_refused_with_the_command_for_logs(modalwatch: Comman
     assert modalwatch("new", "structure", *PORTAL, "-o", structure).code == 0
     done = modalwatch("new", "site", structure, "-o", path, "--driver", "replay")
     named = f"`modalwatch import FILES -o run.mcap --structure {structure} --new-site {path}`"
-    assert_refused(done, "--driver: replay plays a log", named)
+    assert_refused(done, "--driver: replay reads a log", named)
     assert not path.exists()
 
 

@@ -1,14 +1,18 @@
 """Errors of a file's sensors that all modes have in common, against files with other sensors."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from daq import FloatArray
-from tests.support.updater.reference_frame import measure, t_frame
-from updater import Reference, build_model, matched, nominal_reference, stack_tracks
-from updater.inference import Comparison, compare
+from tests.support.updater.reference_frame import measure, t_frame, true_model
+from updater import Reference, build_model, learn_reference, matched, nominal_reference, stack_tracks
+from updater.causes import CATALOGUE
+from updater.inference import Comparison, beside, compare, errors_of_unmeasured, fit, mixing_of, no_effect
+from updater.inference.shape_covariance import turned_back
+from updater.modal_data import Circumstances, Mixing
 from updater.quantities import ASKEW_STD, GAIN_STD, PLACE_STD, Vector, vector
 from updater.structure import Sensor, sensor_axes, size
 
@@ -69,3 +73,73 @@ def test_residuals_of_common_errors_are_white() -> None:
     left = np.eye(data.shape.size) - data.common_to_modes @ data.common_to_modes.T
     np.testing.assert_allclose(left @ (np.eye(len(left)) + errors @ errors.T) @ left, np.eye(len(left)), atol=1e-9)
     assert errors.shape[1] == 3 * N + 3 * len({s.at for s in t_frame().sensor})
+
+
+def learnt() -> tuple[Reference, Comparison]:
+    """Return a reference that was measured on another frame, and modes of this after the gain of a channel rose."""
+    random, bare = np.random.default_rng(2), true_model(np.random.default_rng((2, 1)))
+    reference = learn_reference(t_frame(), [measure(bare, random, np.ones(N)) for _ in range(8)], [TRACK] * 8)
+    louder = np.r_[1.05, np.ones(N - 1)]
+    event = stack_tracks([measure(bare, random, louder) for _ in range(3)], [TRACK] * 3)
+    return reference, compare(reference, reference.mean_of(event))
+
+
+def mixed(data: Comparison, seed: int) -> Mixing:
+    """Return modes that three random springs mix."""
+    random = np.random.default_rng(seed)
+    root = random.standard_normal((len(data.frequency), 3)) / (2 * np.pi * data.frequency)[:, None]
+    return mixing_of(data, replace(no_effect(1, data), compliance=(0.1 * root @ root.T)[None]), data.paired, 2e-3)
+
+
+@pytest.mark.parametrize("seed", [2, 5])
+def test_a_gain_has_one_sign_in_all_modes_that_unmeasured_ones_are_mixed_into(seed: int) -> None:
+    """Against shapes read with the gain 1e-5 higher, whatever the signs of the eigenvectors."""
+    reference, data = learnt()
+    mixing, h = mixed(data, seed), 1e-5
+    found = errors_of_unmeasured(reference, data.tracks, data.channels, mixing, data.base).sensors[:, :, 0]
+    now = (data.at_channels @ mixing.shape[:, data.paired]).T
+    others = mixing.shape[:, data.paired].copy()
+    others[data.paired] = 0.0
+    read = now.copy()
+    read[:, 0] += h * (data.at_channels[0] @ others)
+    read *= np.where((read * data.base).sum(1) < 0, -1, 1)[:, None] / np.linalg.norm(read, axis=1, keepdims=True)
+    unit = now / np.linalg.norm(now, axis=1, keepdims=True)
+    expected = turned_back(beside(read, unit), unit, data.base) * GAIN_STD / h
+    assert ((now * data.base).sum(1) < 0).any()
+    np.testing.assert_allclose(found, expected, atol=1e-4 * np.abs(expected).max())
+
+
+def test_errors_in_unmeasured_modes_are_no_errors_of_the_sensors_of_a_measured_baseline() -> None:
+    """A mixing without effect changes neither the comparison nor the deviation of a gain."""
+    reference, data = learnt()
+    none = mixed(data, 3)
+    none = replace(
+        none,
+        shifts=np.full(len(none.shifts), np.nan),
+        log_frequency=0 * none.log_frequency,
+        shape=np.eye(len(none.shape)),
+        turned=0 * none.turned,
+    )
+    event = stack_tracks(
+        [measure(true_model(np.random.default_rng((2, 1))), np.random.default_rng(4), np.r_[1.05, np.ones(N - 1)])] * 3,
+        [TRACK] * 3,
+    )
+    stated = []
+    for mixing in (None, none):
+        compared = compare(reference, reference.mean_of(event), circumstances=Circumstances(mixing=mixing))
+        cause = CATALOGUE["sensor_gain"].propose(reference, compared)
+        assert cause is not None
+        stated.append(cause.parameters(fit(compared, cause))["gain"])
+    assert stated[1].std == pytest.approx(stated[0].std, rel=1e-6)
+    assert stated[1].value == pytest.approx(stated[0].value, rel=1e-6)
+
+
+def test_unmeasured_modes_have_the_errors_of_the_sensors_of_a_file_too() -> None:
+    reference, data = compared()
+    errors = errors_of_unmeasured(reference, data.tracks, data.channels, mixed(data, 6), data.base)
+    assert errors.sensors.shape[:2] == data.base.shape
+    assert np.abs(errors.sensors).max() > 0
+    with_them = compare(
+        reference, matched(reference.baseline, reference.baseline), circumstances=Circumstances(mixing=mixed(data, 6))
+    )
+    assert with_them.common_errors.shape[2] == errors.sensors.shape[2]
