@@ -102,6 +102,14 @@ class PositionPosterior:
         )
 
     @property
+    def member_probability(self) -> float:
+        """Probability that it is on the member of the most probable place; near a joint, that it is at that place."""
+        first = self.separate_places[0]
+        if len({place.member for place in first}) > 1:
+            return sum(place.probability for place in first)
+        return float(self.probability[self.member == first[0].member].sum())
+
+    @property
     def where(self) -> Where:
         """Mean of the most probable place, and the region."""
         place = self.places[0]

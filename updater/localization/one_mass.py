@@ -126,7 +126,6 @@ def mass_change(found: Fit[AddedMass], model_error: float) -> MassChange:
         if places is separate[0] or _probability(places) >= _WORTH_SAYING
     )
     first, likeliest = alternatives[0], separate[0][0]
-    on_member = float(probability[cause.member == likeliest.member].sum())
     return MassChange(
         member=first.member,
         distance=first.distance,
@@ -136,7 +135,7 @@ def mass_change(found: Fit[AddedMass], model_error: float) -> MassChange:
         body=_shape(found, likeliest),
         alternatives=alternatives,
         region=tuple(Stretch(member=names[m], start=a, stop=b) for m, a, b in posterior.intervals),
-        member_probability=min(first.probability if len(first.members) > 1 else on_member, 1.0),
+        member_probability=min(posterior.member_probability, 1.0),
         p_value=found.p_value,
         model_error=model_error,
         tracks=cause.comparison.tracks,

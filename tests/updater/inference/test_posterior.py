@@ -42,3 +42,13 @@ def test_most_probable_place_is_first_though_its_parts_are_smaller() -> None:
     top, middle = frame.member_named("column").length, frame.member_named("crossbeam").length / 2
     found = posterior_of(("column", 0.5, 0.4), ("column", top - STEP, 0.3), ("crossbeam", middle, 0.3))
     assert [len(places) for places in found.separate_places] == [2, 1]
+
+
+def test_probability_is_that_of_the_joint_or_of_the_whole_member() -> None:
+    """Another place on the column is not at its joint; with the first one beside it, it is on the same member."""
+    frame = t_frame()
+    top, middle = frame.member_named("column").length, frame.member_named("crossbeam").length / 2
+    joint = posterior_of(("column", top - STEP, 0.4), ("crossbeam", middle, 0.2), ("column", 0.5, 0.4))
+    assert joint.member_probability == pytest.approx(0.6)
+    member = posterior_of(("column", 0.5, 0.5), ("column", 1.0, 0.3), ("crossbeam", middle, 0.2))
+    assert member.member_probability == pytest.approx(0.8)
