@@ -200,8 +200,8 @@ class _Question:
         mixing = plain.faults.attempt(
             "modes that were not measured", partial(_mixing, case.reference, plain.data, singles[0])
         )
-        if mixing is not None:
-            return replace(self, circumstances=replace(self.circumstances, mixing=mixing)).answer()
+        if mixing is not None and singles[0].p_value < DOUBTFUL:
+            return self._again(mixing)
         case, found = _jointly(plain, case)
         best = max((*singles, *found), key=lambda c: c.log_evidence)
         if found and fits(found[0]):
@@ -209,6 +209,8 @@ class _Question:
                 case = self._with_learned_error(case, found[0], assumed)
             case, found = judged(case, found, self._compared_with(case.reference))
             found = evenly_refined(case.weighing, exchanged(case.weighing, found))
+            if mixing is not None and len(found[0].chosen) > 1:
+                return self._again(mixing)
             if revised := self._revised(case, found[0], good):
                 return revised
             found, needed = _with_fewest(case, found, good)
@@ -221,6 +223,10 @@ class _Question:
         if _worn(found[0]):
             return _refused("unexplained", case, best.log_evidence, "widespread_stiffness")
         return _with_displaced_modes(case, found, good, best.log_evidence)
+
+    def _again(self, mixing: Mixing) -> DiagnosisResult:
+        """Return the answer with the errors of modes that were not measured."""
+        return replace(self, circumstances=replace(self.circumstances, mixing=mixing)).answer()
 
     def _compared(self) -> tuple[EvidenceComparison, float | None]:
         """Return the causes to compare.
@@ -302,13 +308,13 @@ class _Question:
 def _mixing(reference: Reference, data: Comparison, best: Candidate) -> Mixing | None:
     """Return the modes of the reference as the likeliest single cause mixes them.
 
-    None if the cause fits well, or if the modes that were not measured are of no importance for the compared ones.
+    None if the modes that were not measured are of no importance for the compared ones, or if it is known.
 
     Errors of the model turn modes into each other that are close after the change. A mode that was not measured is
     assumed to shift as the others do. If the cause shifts it farther, it may be much closer to one of them. If the
     cause mixes it with a compared one, the error of its frequency is one of that, too.
     """
-    if data.circumstances.mixing is not None or best.p_value >= DOUBTFUL:
+    if data.circumstances.mixing is not None:
         return None
     mixing = mixing_of(data, effect_of(best.chosen), reference.paired, reference.calibration.unmeasured_std)
     now = np.log(data.frequency[data.paired]) + data.log_ratio
