@@ -97,6 +97,7 @@ from updater.validation import opening_evidence, opens_significantly
 
 _ROUGHER = 2.0  # times the model error that a good model has, to search with
 _WORTH = 10.0  # of log evidence: another cause, its place and size; below the best, losses tested with the signals
+_PROBABLE = 3.0  # of log evidence below the likeliest: it leaves this one 95 %
 _FAR = 2.0  # times the mean shift of the compared modes: a larger one of another mode is not expected
 _CLOSE = 0.1  # of ln f, between modes that errors of the model turn into each other by more than measured shapes err
 _MAX_OPEN = 5  # hypotheses that a next measurement is sought for
@@ -209,7 +210,7 @@ class _Question:
                 case = self._with_learned_error(case, found[0], assumed)
             case, found = judged(case, found, self._compared_with(case.reference))
             found = evenly_refined(case.weighing, exchanged(case.weighing, found))
-            if mixing is not None and len(found[0].chosen) > 1:
+            if mixing is not None and _several_are_probable(found):
                 return self._again(mixing)
             if revised := self._revised(case, found[0], good):
                 return revised
@@ -324,6 +325,11 @@ def _mixing(reference: Reference, data: Comparison, best: Candidate) -> Mixing |
     close = far & (apart < _CLOSE)
     mixing = replace(mixing, shifts=np.where(close, mixing.shifts, np.nan))
     return mixing if close.any() or _exceeds_assumed(reference, data, mixing) else None
+
+
+def _several_are_probable(found: Sequence[Candidate]) -> bool:
+    """Return whether several causes together are an explanation that is not much less probable than the likeliest."""
+    return any(len(c.chosen) > 1 for c in found if c.log_evidence > found[0].log_evidence - _PROBABLE)
 
 
 def _exceeds_assumed(reference: Reference, data: Comparison, mixing: Mixing) -> bool:
