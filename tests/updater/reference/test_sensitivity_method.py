@@ -86,7 +86,11 @@ def test_damped_steps_end_when_they_gain_nothing() -> None:
 
     found = fit_parameters(Curved(np.eye(2), np.zeros(2)), prior(2, 10.0, start=-1.2))
     problem = Curved(np.eye(2), np.zeros(2))
-    least = minimize(lambda x: (problem.residual(x) ** 2).sum() + (x**2).sum() / 100, found.value, tol=1e-10).fun
+
+    def cost(x: FloatArray) -> float:
+        return float((problem.residual(x) ** 2).sum() + (x**2).sum() / 100)
+
+    least = minimize(cost, found.value, tol=1e-10).fun
     print(found.iterations, found.chi_square, least)
     assert found.chi_square < least + 1e-3
     assert found.iterations < 50  # 58 with a damping that falls after every step, and no end before 1e-6 of the cost
