@@ -25,7 +25,7 @@ CLAMPED = replace(
 @pytest.mark.thorough
 @pytest.mark.parametrize("seed", [8, 10])
 def test_a_foot_that_comes_loose_is_named_alone(seed: int) -> None:
-    """With the errors of sensors in the modes that were not measured; else one that has moved is named beside it."""
+    """With the errors of sensors in modes that were not measured; without them, a moved sensor is named too."""
     random = np.random.default_rng((seed, 77))
     state, number = CLAMPED.draw(seed), int(random.integers(len(CLAMPED.grounds)))
     column, ground = STOREYS.bars[number], state.frame.grounds[number]

@@ -78,6 +78,6 @@ class Case:
     def of_other_references(self) -> Circumstances:
         """The circumstances, without a mixing that is of the modes of this reference.
 
-        Another one is then compared with smaller errors: it is not preferred too easily.
+        Another reference is then compared with smaller errors, and is not preferred because of larger ones.
         """
         return replace(self.data.circumstances, mixing=None)

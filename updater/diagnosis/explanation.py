@@ -97,7 +97,7 @@ from updater.validation import opening_evidence, opens_significantly
 
 _ROUGHER = 2.0  # times the model error that a good model has, to search with
 _WORTH = 10.0  # of log evidence: another cause, its place and size; below the best, losses tested with the signals
-_PROBABLE = 3.0  # of log evidence below the likeliest: it leaves this one 95 %
+_PROBABLE = 3.0  # of log evidence: an explanation that is farther below the likeliest has less than 5 %
 _FAR = 2.0  # times the mean shift of the compared modes: a larger one of another mode is not expected
 _CLOSE = 0.1  # of ln f, between modes that errors of the model turn into each other by more than measured shapes err
 _MAX_OPEN = 5  # hypotheses that a next measurement is sought for
@@ -309,11 +309,11 @@ class _Question:
 def _mixing(reference: Reference, data: Comparison, best: Candidate) -> Mixing | None:
     """Return the modes of the reference as the likeliest single cause mixes them.
 
-    None if the modes that were not measured are of no importance for the compared ones, or if it is known.
+    None if errors of modes that were not measured are negligible for the compared ones, or already considered.
 
     Errors of the model turn modes into each other that are close after the change. A mode that was not measured is
     assumed to shift as the others do. If the cause shifts it farther, it may be much closer to one of them. If the
-    cause mixes it with a compared one, the error of its frequency is one of that, too.
+    cause mixes it with a compared mode, the error of its frequency is an error of both.
     """
     if data.circumstances.mixing is not None:
         return None
@@ -328,7 +328,7 @@ def _mixing(reference: Reference, data: Comparison, best: Candidate) -> Mixing |
 
 
 def _several_are_probable(found: Sequence[Candidate]) -> bool:
-    """Return whether several causes together are an explanation that is not much less probable than the likeliest."""
+    """Return whether an explanation of several causes is not much less probable than the likeliest one."""
     return any(len(c.chosen) > 1 for c in found if c.log_evidence > found[0].log_evidence - _PROBABLE)
 
 

@@ -102,14 +102,14 @@ def compare(
     now = np.where(np.isfinite(event.shape), event.shape, base.shape)
     altered = along_changed_modes(share, reference.paired[tracks], at_channels, base.shape, now)
     foreign = np.concatenate([foreign, by_noise, altered], axis=1)
-    common = reference.common_error[tracks]
+    common_deviation = reference.common_error[tracks]
     sign = np.where((event.shape * base.shape).sum(1) < 0, -1, 1)[:, None]
-    alike = _common_to_modes(base.shape, sign * now, ratio, mesh_error)
+    common_errors = _common_to_modes(base.shape, sign * now, ratio, mesh_error)
     if circumstances.mixing is not None:
         more = errors_of_unmeasured(reference, tracks, channels, circumstances.mixing, base.shape)
-        common = np.concatenate([common, more.log_frequency], axis=1)
+        common_deviation = np.concatenate([common_deviation, more.log_frequency], axis=1)
         foreign = np.concatenate([foreign, more.shape], axis=1)
-        alike = np.concatenate([alike, more.sensors], axis=2)
+        common_errors = np.concatenate([common_errors, more.sensors], axis=2)
     nearer = nearer_modes(reference, tracks, every, at_channels, base.damping)
     nearer = np.concatenate([nearer, by_noise], axis=1)
     return Comparison(
@@ -117,10 +117,10 @@ def compare(
         tracks=tracks,
         paired=reference.paired[tracks],
         mesh_error=mesh_error,
-        **_frequencies_of(base, event, error, typical_shift, common),
+        **_frequencies_of(base, event, error, typical_shift, common_deviation),
         **_shapes_of(base, event, sign, scatter, max(reference.delays.wander, circumstances.wander), foreign),
         sensor_errors=sensor_errors(reference, tracks, channels),
-        common_errors=alike,
+        common_errors=common_errors,
         **imaginary_parts(base, event, sign, scatter, nearer, late),
         **damping_changes(base, event, mixed_by_change(reference, tracks, every)),
         mass_tests=mass_tests(reference, tracks, event, error, circumstances.known_masses),

@@ -47,8 +47,8 @@ def sensor_errors_of_mixed(
 ) -> FloatArray:
     """Return the standard deviations of unit shapes (n, n_channels, n_errors) by sensors that read unmeasured modes.
 
-    The measured modes have the errors of the sensors in them. A mode that a change mixes into a compared one, and that
-    was not measured, is the model's: it is read without these errors, which are those of `sensor_errors`.
+    Measured shapes contain the errors of the sensors. The shape of a mode that was not measured, and that a change
+    mixes into a compared one, is that of the model, without these errors. They are those of `sensor_errors`.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def sensor_errors_of_mixed(
     paired = reference.paired[tracks]
     share = mixing.shape[:, paired].copy()
     now = (reference.at_channels(channels) @ share).T
-    sign = np.where((now * base).sum(1) < 0, -1.0, 1.0)[:, None]  # one for an error in all modes
+    sign = np.where((now * base).sum(1) < 0, -1.0, 1.0)[:, None]  # the error of a sensor has one sign in all modes
     length = sign * np.linalg.norm(now, axis=1, keepdims=True)
     share[paired] = 0.0
     errors = _errors(reference, channels, np.ones(len(channels), bool), share).transpose(0, 2, 1)

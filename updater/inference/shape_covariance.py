@@ -176,7 +176,7 @@ def along_changed_modes(
 
 
 def by_unmeasured(mixing: Mixing, paired: IndexArray, at_channels: FloatArray, base: FloatArray) -> FloatArray:
-    """Return how far wrong frequencies of modes that were not measured turn compared shapes.
+    """Return the errors of compared shapes by wrong frequencies of modes that were not measured.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ from daq import FloatArray
 Convergence = Literal["iteration_limit", "no_lower_cost", "cost_converged", "no_parameters"]
 
 _ENOUGH = 1e-6  # of the cost: a step that is expected to gain less is not taken
-# of chi-square: a damped step, of slow convergence, that is expected to gain less is not taken; 3 % of a deviation
+# of chi-square: a damped step that is expected to gain less, or 0.03 standard deviations, is not taken
 _SLIGHT = 1e-3
 _DAMPING = 1e-3  # first damping after a step that failed, over the diagonal of the normal matrix
 _FACTOR = 10.0  # of the damping after each further one
@@ -105,7 +105,7 @@ def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> Sensit
         if tried @ tried < now @ now:
             gained = (now @ now - tried @ tried) / expected
             x, now = x + step, tried
-            slope, damping = slopes(x), _less_or_more(damping, float(gained))
+            slope, damping = slopes(x), _next_damping(damping, float(gained))
         else:
             damping = max(_FACTOR * damping, _DAMPING)
     normal = slope.T @ slope
@@ -114,7 +114,7 @@ def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> Sensit
     free = ~at_bound
     log_det = np.linalg.slogdet(normal[np.ix_(free, free)])[1]
     cost = float(now @ now) / 2
-    rest = now + slope @ _bounded_step(slope, now, prior.lower - x, prior.upper - x, 0.0)  # of the minimum nearby
+    rest = now + slope @ _bounded_step(slope, now, prior.lower - x, prior.upper - x, 0.0)  # at the minimum
     return SensitivityFit(
         value=x,
         std=np.sqrt(np.diag(np.linalg.inv(normal))),
@@ -127,7 +127,7 @@ def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> Sensit
     )
 
 
-def _less_or_more(damping: float, gained: float) -> float:
+def _next_damping(damping: float, gained: float) -> float:
     """Return the damping after a step that has reduced the cost by a share of what was expected."""
     if gained < _LESS:
         return max(_FACTOR * damping, _DAMPING)

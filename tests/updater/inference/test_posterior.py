@@ -24,7 +24,7 @@ def posterior_of(*shares: tuple[str, float, float]) -> PositionPosterior:
 
 
 def test_places_on_two_members_next_to_their_joint_are_one() -> None:
-    """The crossbeam is on the column's top: 5 mm beside it and 5 mm below it are one corner."""
+    """The crossbeam is on the column's top: 5 mm along the crossbeam and 5 mm down the column are one corner."""
     frame = t_frame()
     column, crossbeam = frame.member_named("column"), frame.member_named("crossbeam")
     at = float((np.array(column.end) - crossbeam.start) @ (np.subtract(crossbeam.end, crossbeam.start))) / (
@@ -45,7 +45,7 @@ def test_most_probable_place_is_first_though_its_parts_are_smaller() -> None:
 
 
 def test_probability_is_that_of_the_joint_or_of_the_whole_member() -> None:
-    """Another place on the column is not at its joint; with the first one beside it, it is on the same member."""
+    """A second place on the column counts for the column, if the first one is on it alone; not for its joint."""
     frame = t_frame()
     top, middle = frame.member_named("column").length, frame.member_named("crossbeam").length / 2
     joint = posterior_of(("column", top - STEP, 0.4), ("crossbeam", middle, 0.2), ("column", 0.5, 0.4))
